@@ -1,5 +1,5 @@
 // Bundle the page into programs/web/built: the same bytes from the same sources and lock file.
-// `node build.mjs --check` writes nothing, and fails where the built files are not what it would write.
+// `node build.mjs --check` writes nothing, and fails if the built files differ from what it would write.
 
 import { build } from "esbuild";
 import { mkdir, readFile, readdir, rm, writeFile } from "node:fs/promises";
@@ -9,7 +9,7 @@ import { fileURLToPath } from "node:url";
 const here = dirname(fileURLToPath(import.meta.url));
 const out = join(here, "../programs/web/built");
 const copied = ["index.html", "enter.html", "icon.svg"];
-const kept = "troubleshooting.html";  // of docs/reference.py
+const kept = "troubleshooting.html";  // written by docs/reference.py
 
 const bundled = await build({
   absWorkingDir: here,
@@ -21,7 +21,7 @@ const bundled = await build({
   format: "esm",
   target: ["chrome105", "firefox110", "safari16"],
   external: ["./scene.js"],
-  // Loaders of meshes, which this page is not served.
+  // Mesh loaders, since no mesh is served to this page.
   alias: Object.fromEntries(["STLLoader", "ColladaLoader"].map((name) => [
     `three/examples/jsm/loaders/${name}.js`, join(here, "src/no_meshes.js"),
   ])),

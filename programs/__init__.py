@@ -1,12 +1,12 @@
-"""Programs beside the daemon: one folder a program, and what they share."""
+"""Programs beside the daemon, a folder each, and code that they share."""
 
 import sys
 from types import TracebackType
 
 
 def _report(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Report what ends a program; nothing of Ctrl-C, also while modules are imported: a shell sees
-    status 130."""
+    """Report an uncaught exception, except for Ctrl-C, even during imports; the exit status is then
+    130."""
     if not issubclass(kind, KeyboardInterrupt):
         sys.__excepthook__(kind, error, trace)
 

@@ -2,8 +2,8 @@
 
     python -m programs.manual SHARE
 
-They are made from the texts of `--help`, so that they cannot differ from them. `make install` has
-them written into the environment and links them to where `man` and the shells look.
+They are generated from the texts of `--help`, so that both always agree. `make install` writes them
+into the environment and links them to where `man` and the shells look.
 """
 
 import re
@@ -27,7 +27,7 @@ PROGRAMS: Final[dict[str, click.Command]] = {
     "contactd-web": contactd_web.main,
     "contactd-zenoh": contactd_zenoh.main,
 }
-# Where each shell looks below a share/ folder, and how it wants the file called.
+# Path below a share/ folder at which each shell looks for a completion.
 COMPLETIONS: Final = {
     "bash": "bash-completion/completions/{}",
     "zsh": "zsh/site-functions/_{}",
@@ -36,7 +36,7 @@ COMPLETIONS: Final = {
 
 
 def write(share: Path) -> None:
-    """Write everything below `share`."""
+    """Write all manual pages and completions below `share`."""
     for program, command in PROGRAMS.items():
         _write(share / f"man/man1/{program}.1", manual(program, command))
         for shell, name in COMPLETIONS.items():
@@ -44,7 +44,7 @@ def write(share: Path) -> None:
 
 
 def completion(shell: str, program: str, command: click.Command) -> str:
-    """Completion of a program for `shell`, which asks the program itself at each Tab."""
+    """Completion script of a program for `shell`, which calls the program itself at each Tab."""
     kind = get_completion_class(shell)
     assert kind is not None
     variable = f"_{program.upper().replace('-', '_')}_COMPLETE"
@@ -53,7 +53,7 @@ def completion(shell: str, program: str, command: click.Command) -> str:
 
 
 def manual(program: str, command: click.Command) -> str:
-    """Manual page of a program, in the language of man(7), with a section for each command."""
+    """Manual page of a program, in man(7) markup, with a section for each command."""
     context = click.Context(command, info_name=program, **command.context_settings)
     lines = [
         f'.TH {program.upper()} 1 "" "contactd {version("contactd")}" "contactd"',
@@ -94,7 +94,7 @@ def _usage(context: click.Context) -> str:
 
 
 def _options(context: click.Context) -> Iterator[str]:
-    # Those of the program itself may stand behind each command, and are listed once.
+    # Options of the program itself may follow each command, but are only listed once.
     above = context.parent.command.get_params(context.parent) if context.parent else []
     listed = {parameter.name for parameter in above}
     for parameter in context.command.get_params(context):
@@ -114,7 +114,7 @@ def _first_sentence(command: click.Command) -> str:
 
 
 def _text(words: str) -> str:
-    """Words that mean themselves in man(7)."""
+    """Text escaped for man(7)."""
     escaped = words.replace("\\", "\\e").replace("-", "\\-").replace("\n", " ")
     return re.sub(r"^([.'])", r"\\&\1", escaped)
 

@@ -1,8 +1,8 @@
-// What arming still needs: the daemon's checks, those that fail first.
+// What arming needs: the daemon's checks, the failing ones first.
 
 import { at, make, say } from "./dom.js";
 
-/** Draw the checks of a Status; `armed`: it is, whatever they say now; `stale`: all that was. */
+/** Draw the checks of a Status. `armed`: the arm is armed, whatever they say; `stale`: the Status is a past one. */
 export function drawArming({ checks }, armed, stale) {
   sayArming(checks, armed, stale);
   const failed = checks.filter((check) => !check.passed);
@@ -18,7 +18,7 @@ export function drawArming({ checks }, armed, stale) {
   at("checks").replaceChildren(...failed.map(line), ...(passed.length ? [rest] : []));
 }
 
-/** Say what the checks come to, and touch none of them. */
+/** Show the result of the checks, without redrawing them. */
 export function sayArming(checks, armed, stale) {
   const failed = checks.filter((check) => !check.passed).length;
   say(at("arming-note"), (stale ? noteThen : note)(failed, checks.length, armed));

@@ -1,13 +1,13 @@
-// Stop and disarm: an HTTP request each, which needs neither the stream nor the picture.
+// Stop and disarm: one HTTP request each, which needs neither the stream nor the picture.
 
 import { at, say, show } from "./dom.js";
 
 const WITHIN_MS = 1000;
 const SHOWN_MS = 12000;
-const LOST_MS = 10000; // an answer that takes longer never comes; its connection is given back
+const LOST_MS = 10000; // after this an answer is given up, and its connection freed
 const NOT_REACHED = "NOT REACHED: use the emergency stop.";
 
-/** Result of a command in words for the person at the arm, and how good it is. */
+/** Kind of the outcome of a command (good or bad), and its text for the person at the arm. */
 export function outcomeOf(found) {
   switch (found.outcome) {
     case "stands":
@@ -15,7 +15,7 @@ export function outcomeOf(found) {
     case "disarmed":
       return ["good", `Disarmed (${found.mode}).`];
     case "not seen to stand":
-      return ["bad", `Stop is given, but the arm is not seen to stand: ${found.text}. Use the emergency stop if it moves.`];
+      return ["bad", `The stop was given, but the arm is not seen to stand: ${found.text}. Use the emergency stop if it moves.`];
     case "refused":
       return ["bad", `Refused: ${found.text}. Use the emergency stop.`];
     default:
@@ -23,7 +23,7 @@ export function outcomeOf(found) {
   }
 }
 
-/** Ask for a command; the header is one that no form of another site can send. */
+/** Post a command. A form of another site cannot send its header. */
 export async function post(path, command) {
   const response = await fetch(path, {
     method: "POST",
@@ -42,18 +42,18 @@ export class Commands {
     this.#arm = arm;
     at("stop").addEventListener("click", () => this.send("stop"));
     at("disarm").addEventListener("click", () => this.send("disarm"));
-    // Wherever the focus is, and whatever else listens.
+    // Whatever has the focus, and whatever else handles the key.
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && !event.repeat && !at("commands").hidden) this.send("stop");
     }, { capture: true });
   }
 
-  /** Let people command, or not. */
+  /** Allow commands, or not. */
   allow(may) {
     show(at("commands"), may);
   }
 
-  /** Send, and say within a second what became of it. */
+  /** Send a command, and show its outcome, or that there is none yet, within WITHIN_MS. */
   async send(command) {
     const number = ++this.#number;
     this.#say("waiting", command === "stop" ? "Stopping" : "Disarming", number);
@@ -69,10 +69,10 @@ export class Commands {
     }
   }
 
-  /** Take note of whether the arm is seen to stand now: what was said of it may have changed. */
+  /** Take whether the arm is now seen to stand: the outcome that is shown may no longer hold. */
   seen(stands, mode) {
     const outcome = at("outcome");
-    // The stream may be a moment behind the answer.
+    // The stream may lag behind the answer.
     const settled = performance.now() - this.#said_ms > 500;
     if (!stands && settled && outcome.dataset.outcome === "stands") this.#clear();
     if (stands && outcome.dataset.outcome === "not seen to stand") {

@@ -1,4 +1,4 @@
-// Curve of one joint: 20 s of its residual between the levels in force, with what happened as shading.
+// Curve of one joint: 20 s of its residual between the levels in force, with modes and contacts as shading.
 
 import uPlot from "uplot";
 import { WINDOW_S } from "./series.js";
@@ -91,7 +91,7 @@ export class Curve {
     };
   }
 
-  /** Paint what happened behind the curve: modes over the full height, contacts as a strip with a
+  /** Paint the background of the curve: modes over the full height, contacts as a strip with a
       hatched edge, collisions as marks at the top. */
   #shade(u) {
     if (this.#columns === null) return;
@@ -127,7 +127,7 @@ export class Curve {
   }
 }
 
-/** Range of the ordinate: residual and levels, and some room. */
+/** Range of the ordinate: residual and levels, with some margin. */
 function spread(u, low, high) {
   const reach = 1.15 * Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0), 1e-3);
   return [-reach, reach];
@@ -143,7 +143,7 @@ function ago(u, time) {
   return s === 0 ? "latest" : `-${s} s`;
 }
 
-/** Call `paint(x, width)` for each run of samples for which `holds`. */
+/** Call `paint(x, width)` for each run of samples that satisfies `holds`. */
 function spans(u, times, holds, paint) {
   let begin = -1;
   for (let i = 0; i <= times.length; i++) {

@@ -1,9 +1,9 @@
-// Small help with the document: elements by id, and made from text, never from markup.
+// Helpers for the document: find elements by id, and make them from text, never from markup.
 
-/** Element of this id, which is in index.html. */
+/** Element with this id in index.html. */
 export const at = (id) => document.getElementById(id);
 
-/** New element with attributes and children; texts become text. */
+/** New element with attributes and children; strings become text nodes. */
 export function make(name, attributes = {}, ...children) {
   const element = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -14,17 +14,17 @@ export function make(name, attributes = {}, ...children) {
   return element;
 }
 
-/** Set a text, and touch nothing where it is that already. */
+/** Set a text, unless it is set already. */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// How the daemon names a section of its documents; the server has that page.
+// How the daemon names a section of its documents; the server serves that page.
 const SECTION = /docs\/troubleshooting\.md#([\w-]+)/;
 
-/** Set a text whose mentions of sections on troubleshooting become links to them, in tabs of their own. */
+/** Set a text in which mentions of troubleshooting sections become links, which open in a new tab. */
 export function sayLinked(element, text) {
-  const parts = text.split(SECTION); // every second one is a section
+  const parts = text.split(SECTION); // every second part is a section
   const words = parts.map((part, i) => (i % 2 ? part.replaceAll("-", " ") : part));
   if (element.textContent === words.join("")) return;
   element.replaceChildren(...words.map((word, i) =>

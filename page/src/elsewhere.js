@@ -1,20 +1,20 @@
-// Arms of other machines: a line each, as `contactd fleet` has them, with a stop of its own.
+// Arms on other machines: one row each, as in `contactd fleet`, with its own stop button.
 
 import { post } from "./commands.js";
 import { at, make, say, show } from "./dom.js";
 import { MODES } from "./words.js";
 
-/** Row of an arm elsewhere, by its name. */
+/** Id of the row of the arm elsewhere with this name. */
 export const placeOf = (name) => `elsewhere-${name}`;
 
-/** State of an arm elsewhere in words: that of its tab. */
+/** Text on the state of an arm elsewhere, as in its tab. */
 export function stateOf(other) {
   if (other.silent || other.state !== "alive") return other.state;
-  const [sign, word] = MODES[other.mode] ?? ["?", other.mode || "nothing heard yet"];
+  const [sign, word] = MODES[other.mode] ?? ["?", other.mode || "no State yet"];
   return `${sign} ${word}${other.armed ? ", armed" : ""}`;
 }
 
-/** What became of stops elsewhere, in words; bad unless every arm stands. */
+/** Text on the outcomes of stops elsewhere, and its kind: bad unless every arm stands. */
 export function outcomesOf(arms) {
   const names = Object.keys(arms);
   if (names.length === 0) return ["bad", "No arm is alive elsewhere."];
@@ -33,13 +33,13 @@ export class Elsewhere {
     at("stop-elsewhere").addEventListener("click", () => this.#stop(""));
   }
 
-  /** Let people command, or not. */
+  /** Allow commands, or not. */
   allow(may) {
     this.#may = may;
     show(at("stop-elsewhere"), may);
   }
 
-  /** Draw all arms elsewhere. Rows stay where they are: no one clicks on one and hits another. */
+  /** Draw all arms elsewhere. Rows never move, so that a click cannot hit another arm's row. */
   draw({ arms, why }) {
     show(at("elsewhere-section"), true);
     show(at("elsewhere"), arms.length > 0);
@@ -59,7 +59,7 @@ export class Elsewhere {
     }
   }
 
-  /** Say that what is shown is old: the page's server is not reached. */
+  /** Show that the rows are old, because the page's server is not reached. */
   old() {
     if (this.#rows.size === 0) return;
     this.#say("old", "What you see of arms elsewhere is old.");

@@ -14,7 +14,7 @@ export class Events {
     this.#form.addEventListener("submit", (event) => event.preventDefault());
   }
 
-  /** Take news, or with `past` the log so far in their place. */
+  /** Add new events; with `past`, replace all by the log so far. */
   take({ events, past }) {
     this.#events = (past ? [] : this.#events).concat(events).slice(-MOST);
     this.#draw();
@@ -31,7 +31,7 @@ export class Events {
         make("time", {}, clock(event.wall_s, 2)),
         make("span", { class: "kind" }, `${SIGNS[event.kind] ?? "◦"} ${event.kind}`),
         make("span", {}, event.text)));
-    const none = make("li", { class: "none" }, this.#events.length ? "None of them passes the filter." : "Nothing has happened yet.");
+    const none = make("li", { class: "none" }, this.#events.length ? "No event passes the filter." : "Nothing has happened yet.");
     this.#list.replaceChildren(...(lines.length ? lines : [none]));
   }
 }

@@ -8,7 +8,7 @@ const TICK_BYTES = 24;
 const ARMED = 1, MOVING = 2;
 const SENSING = 4, FRESH = 8, TOUCHED = 16, COLLISION = 32, UNPROVED = 64;
 
-/** Frames of one message, each after its length. Throws for what is no such message. */
+/** Frames of one message, each preceded by its length. Throws if it is not such a message. */
 export function* framesOf(buffer) {
   const view = new DataView(buffer);
   let at = 0;
@@ -19,7 +19,7 @@ export function* framesOf(buffer) {
   }
 }
 
-/** One frame: its header, and its ticks in order. */
+/** One frame: its header and its ticks in order. */
 export function decode(view) {
   if (view.getUint8(0) !== VERSION) throw new Error("the page is older than its server: reload it");
   const joints = view.getUint8(2);

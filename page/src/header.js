@@ -1,25 +1,25 @@
-// What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
+// The header, which stays visible: mode and cause, permission with its countdown, fault, connection, tabs.
 
 import { at, make, say, sayLinked, show } from "./dom.js";
 import { placeOf, stateOf } from "./elsewhere.js";
-import { MODES, clock, deaf, duration, felt, next } from "./words.js";
+import { MODES, clock, notSensing, duration, felt, next } from "./words.js";
 
 export class Header {
   #words = null; #advice = null; #left_s = NaN; #wall_s = NaN; #stale = true; #tick = null; #joints = [];
 
-  /** Begin with an arm of these joints. */
+  /** Start with an arm that has these joints. */
   begin(joints) {
     this.#joints = joints;
     this.#tick = null;
   }
 
-  /** Take words of the arm's last State. */
+  /** Take the texts of the arm's last State. */
   words(words) {
     this.#words = words;
     this.#draw();
   }
 
-  /** Take what the daemon was asked for: what to do. */
+  /** Take the daemon's answer to the status request: its advice on what to do. */
   advice(advice) {
     this.#advice = advice;
     document.title = advice.name;
@@ -28,7 +28,7 @@ export class Header {
     this.#draw();
   }
 
-  /** Take the newest tick, and its frame. */
+  /** Take the newest tick and its frame. */
   tick(tick, { left_s, wall_s }) {
     this.#tick = tick;
     this.#left_s = left_s;
@@ -37,7 +37,7 @@ export class Header {
     this.#drawNow();
   }
 
-  /** Say whether figures are live, and for how long they have not been [ms]; slow: they still come. */
+  /** Show whether the figures are live, and how old they are otherwise [ms]; slow: they still arrive. */
   age(age_ms, stale, why, slow) {
     const changed = stale !== this.#stale;
     this.#stale = stale;
@@ -51,7 +51,7 @@ export class Header {
     const since = Number.isFinite(age_ms) ? ` for ${duration(age_ms / 1e3)}` : "";
     const old = this.#words ? " What you see is old." : "";
     const late = `The connection is too slow. What you see was${since.replace(" for", "")} ago.`;
-    const none = `No connection${since}.${old} ${why ? `${sentence(why)} ` : ""}Connecting again.`;
+    const none = `No connection${since}.${old} ${why ? `${sentence(why)} ` : ""}Reconnecting.`;
     say(at("connection"), slow ? late : none);
   }
 
@@ -63,7 +63,7 @@ export class Header {
     mode.dataset.mode = this.#stale ? "old" : words.mode;
     say(mode, this.#stale ? `was ${name}` : `${sign} ${name}`);
     mode.title = meaning;
-    show(at("cause"), words.mode !== "faulted"); // the banner says it
+    show(at("cause"), words.mode !== "faulted"); // the banner shows it
     say(at("cause"), `${this.#stale ? "Cause then" : "Cause"}: ${words.cause}`);
     this.#drawPermit();
     this.#drawLoad(words.load);
@@ -95,7 +95,7 @@ export class Header {
     say(permit, `ARMED${by}${left}${while_}${after}`);
   }
 
-  /** Say at what time of the daemon this was, and what the joints feel. */
+  /** Show the daemon's time of these figures, and what the joints detect. */
   #drawNow() {
     const live = at("live");
     live.dataset.live = !this.#stale;
@@ -103,19 +103,19 @@ export class Header {
     say(live, this.#stale ? `◌ not live${time && `, as of ${time}`}` : `● live, ${time}`);
     if (this.#tick === null) return;
     const what = felt(this.#joints, this.#tick);
-    const unknown = deaf(this.#joints, this.#tick);
+    const unknown = notSensing(this.#joints, this.#tick);
     const known = what ? `▲ ${what}` : unknown ? "" : "nothing beyond its level";
     at("felt").dataset.beyond = what !== "";
     const force = this.#words?.force ? `${this.#words.force.text} at the tool` : "";
     const touch = this.#words?.touch ? `touched at ${this.#words.touch.text}` : "";
     const near = this.#words?.near ? `near: ${this.#words.near}` : "";
-    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, touch, near, unknown].filter(Boolean).join(" · ")}`);
+    say(at("felt"), `${this.#stale ? "Detected then" : "Detects"}: ${[known, force, touch, near, unknown].filter(Boolean).join(" · ")}`);
   }
 
   #drawLoad(load) {
     show(at("load"), Boolean(load));
     if (!load) return;
-    const what = load.announced ? "The arm counts a load" : "There seems to be an unannounced load";
+    const what = load.announced ? "The arm carries an announced load" : "There seems to be an unannounced load";
     say(at("load"), `${this.#stale ? "Then: " : ""}${what}: ${load.text}.`);
   }
 
@@ -130,7 +130,7 @@ export class Header {
     const faulted = words.mode === "faulted";
     const doubts = [];
     if (words.unproved.length) doubts.push(`Not seen to stand: ${words.unproved.join(", ")}.`);
-    if (words.silenced) doubts.push("The drives hear nothing of contactd until it is reset.");
+    if (words.silenced) doubts.push("contactd sends nothing to the drives until the fault is reset.");
     show(at("fault"), faulted);
     if (faulted) {
       say(at("fault-cause"), `${this.#stale ? "It was a fault" : "Fault"}: ${words.cause}`);
@@ -143,14 +143,14 @@ export class Header {
 
   #todo() {
     const [asked, known] = [this.#advice?.advice ?? "", this.#words?.advice ?? ""];
-    // What was asked for may be of before the fault: its daemon may have ended since.
+    // The answer to the status request may date from before the fault, and its daemon may have ended since.
     const advice = (asked.includes(known) ? asked : known).replaceAll("`", "");
     return advice ? `What to do: ${advice.replaceAll("\n", "; ")}.` : "";
   }
 }
 
-/** Tabs of several arms, each with its mode; links, so that a reload shows the same arm. Those of other
-    machines lead to their lines. */
+/** Draw the tabs of several arms, each with its mode. They are links, so that a reload shows the same arm;
+    those of arms on other machines lead to their rows. */
 export function drawTabs(names, shown, summary, others) {
   const tabs = at("tabs");
   show(tabs, names.length + others.length > 1);

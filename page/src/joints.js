@@ -1,4 +1,4 @@
-// One card for each joint: residual against its level, curve, gap, sensing, drive, what was learned.
+// One card for each joint: residual relative to its level, curve, gap, sensing, drive, what was learned.
 
 import { COLUMNS, Curve } from "./curve.js";
 import { make, say, show } from "./dom.js";
@@ -6,10 +6,10 @@ import { Series } from "./series.js";
 import { SIDES, fixed, isBeyond, learned, signed } from "./words.js";
 
 const METERS_EVERY_MS = 1000; // for screen readers
-/** Of each make (`OPERATING` in programs/clients/shown.py). */
+/** Names of the operating state of each make of drive (`OPERATING` in programs/clients/shown.py). */
 const OPERATING = new Set(["operation enabled", "enabled", "running"]);
 
-/** All cards; `draw` takes the newest tick, `add` every tick. */
+/** All cards. `draw` takes the newest tick, `add` every tick. */
 export class Joints {
   #host; #cards = []; #modes = []; #stale = true;
 
@@ -36,7 +36,7 @@ export class Joints {
     for (const card of this.#cards) card.add(tick);
   }
 
-  /** Draw bars; curves only where asked for. */
+  /** Draw the bars, and the curves if `curves`. */
   draw(tick, curves) {
     for (const card of this.#cards) card.draw(tick, curves);
   }
@@ -45,7 +45,7 @@ export class Joints {
     this.#cards.forEach((card, i) => card.words(words, words.drives[i] ?? ""));
   }
 
-  /** Tell all as what was, or as what is. */
+  /** Mark all cards as showing past (stale) or present values. */
   age(stale) {
     this.#stale = stale;
     for (const card of this.#cards) card.age(stale);
@@ -93,7 +93,7 @@ class Card {
       this.#host, gapRow, p.learned);
   }
 
-  /** Make the curve, once the card has its place and a width. */
+  /** Make the curve, once the card is in the document and has a width. */
   place() {
     this.curve = new Curve(this.#host, this.#modes);
   }
@@ -111,7 +111,7 @@ class Card {
     const [residual, level, flags] = [tick.residual[i], tick.threshold[i], tick.joints[i]];
     const beyond = isBeyond(tick, i);
     this.#tick = tick;
-    // Twice the level is the end of the bar.
+    // The bar ends at twice the level.
     const share = level > 0 ? Math.max(-1, Math.min(1, residual / (2 * level))) : 0;
     const p = this.#parts;
     p.fill.style.left = `${50 + 50 * Math.min(share, 0)}%`;
@@ -132,7 +132,7 @@ class Card {
     }
   }
 
-  /** Tell it as what was, or as what is. */
+  /** Mark the card as showing past (stale) or present values. */
   age(stale) {
     this.#stale = stale;
     if (this.#tick === null) return;
@@ -153,7 +153,7 @@ class Card {
   #drawGap(phi, sigma, side) {
     if (this.#half_gap <= 0) return;
     const p = this.#parts;
-    // The track is the gap; a quarter of its width is left on either side for what is beyond.
+    // The track is the gap; a quarter of the width is left on either side for angles outside it.
     const at = (angle) => 50 + 25 * Math.max(-2, Math.min(2, angle / this.#half_gap));
     const [from, to] = [at(phi - sigma), at(phi + sigma)];
     p.sigma.style.left = `${from}%`;
@@ -169,7 +169,7 @@ class Card {
     this.bar.setAttribute("aria-valuetext", `${this.#was}${residual.toFixed(2)} of ${level.toFixed(2)}`);
   }
 
-  /** What stands before a torque that is not of now. */
+  /** Prefix of a torque that is not a present one. */
   get #was() {
     const flags = this.#tick.joints[this.#index];
     return !this.#stale && (flags.sensing || flags.fresh) ? "" : "was ";
@@ -186,15 +186,15 @@ class Card {
   #drawState(flags, beyond) {
     const parts = [];
     if (flags.unproved) parts.push("✖ not seen to stand");
-    if (!flags.sensing) parts.push("✖ senses nothing");
+    if (!flags.sensing) parts.push("✖ not sensing");
     if (!flags.fresh) parts.push("◌ sample missing");
     if (this.#energised && !OPERATING.has(this.#drive)) parts.push(`✖ ${this.#drive}`);
-    if (beyond) parts.push("▲ felt");
+    if (beyond) parts.push("▲ contact");
     if (flags.touched) parts.push("◉ touched");
     const bad = parts.some((text) => text.startsWith("✖"));
     const state = this.#parts.state;
     state.dataset.kind = bad ? "bad" : beyond || flags.touched ? "felt" : "";
-    if (parts.length === 0 && this.#energised) say(state, this.#stale ? "◌ sensed then" : "✓ senses");
+    if (parts.length === 0 && this.#energised) say(state, this.#stale ? "◌ was sensing" : "✓ sensing");
     else say(state, `${this.#stale ? "then: " : ""}${parts.join(" · ") || this.#drive}`);
   }
 }

@@ -1,4 +1,4 @@
-// The corner: daemon's time, lateness and work of its loop, load of the bus, what was lost on the way.
+// The footer: the daemon's time, lateness and work of its loop, load of the bus, ticks lost in transit.
 
 import { at, make, say } from "./dom.js";
 import { clock, duration } from "./words.js";
@@ -15,7 +15,7 @@ export class Loop {
     this.#count = 0;
   }
 
-  /** Take a tick; those that are missing before it are counted. */
+  /** Take a tick, and count the ticks that are missing before it. */
   add(tick) {
     if (this.#last >= 0 && tick.tick > this.#last + 1) this.#lost += tick.tick - this.#last - 1;
     this.#last = tick.tick;
@@ -32,19 +32,19 @@ export class Loop {
     const { period_s, bus_load, program } = this.#hello;
     this.#row("daemon's time", `${clock(frame.wall_s)}, up ${duration(tick.time_s)}`);
     this.#row("tick", String(tick.tick));
-    this.#row("woken late by", `${ms(late[n >> 1])} ms, at most ${ms(late[n - 1])} ms`);
+    this.#row("wake-up late by", `${ms(late[n >> 1])} ms, at most ${ms(late[n - 1])} ms`);
     this.#row("work", `at most ${ms(work[n - 1])} of ${(1e3 * period_s).toFixed(0)} ms`);
     this.#row("deadlines missed", String(frame.missed));
-    this.#row("bus load", bus_load === null ? "not known" : `${(100 * bus_load).toFixed(0)} % at worst`);
-    this.#row("ticks lost on the way", String(this.#lost));
+    this.#row("bus load", bus_load === null ? "unknown" : `${(100 * bus_load).toFixed(0)} % at worst`);
+    this.#row("ticks lost in transit", String(this.#lost));
     this.age(age_ms);
     this.#row("program", program);
   }
 
-  /** Say how old the picture is [ms]. */
+  /** Show how old the picture is [ms]. */
   age(age_ms) {
     if (this.#last < 0) return;
-    this.#row("picture", Number.isFinite(age_ms) ? `${ageInWords(age_ms)} old` : "of an age that is not known");
+    this.#row("picture", Number.isFinite(age_ms) ? `${ageInWords(age_ms)} old` : "of unknown age");
   }
 
   #row(name, text) {

@@ -1,4 +1,4 @@
-// The page of one arm: its stream, drawn by the parts.
+// The page of one arm: takes its stream and has the other modules draw it.
 
 import { drawArming, sayArming } from "./arming.js";
 import { Commands } from "./commands.js";
@@ -25,7 +25,7 @@ const recordings = new RecordingsPanel(arm);
 const elsewhere = new Elsewhere();
 
 let hello = null, summary = null, others = [], advice = null, said = null, armed = false, scene = null;
-let newest = null; // {tick, frame}: the newest that is live
+let newest = null; // {tick, frame}: the newest live one
 let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false, stale = true;
 
 const url = new URL(`live/${arm}`, location.href);
@@ -52,17 +52,17 @@ function takeMessage(message) {
     case "events": return events.take(message);
     case "gone":
       return lose(message.why);
-    default: return undefined; // of a newer server
+    default: return undefined; // from a newer server
   }
 }
 
-/** What is known to be gone is old at once; what is silent, after a second. */
+/** An arm known to be gone is stale at once; a silent one, after STALE_MS. */
 function lose(text) {
   why = text;
   gone = true;
 }
 
-/** Without its server nothing is known of any arm. */
+/** Without the server the state of every arm is unknown. */
 function lost() {
   elsewhere.old();
   summary = null;
@@ -72,7 +72,7 @@ function lost() {
 
 const isOld = () => gone || stream.age_ms > STALE_MS;
 
-/** Begin with an arm, or go on with it: what was last drawn stays where the same arm is connected anew. */
+/** Start with an arm, or continue with it: what was last drawn stays if the same arm reconnects. */
 function begin(message) {
   const same = JSON.stringify(message) === JSON.stringify(hello);
   hello = message;
@@ -114,8 +114,8 @@ function takeFrame(frame) {
   if (!frame.past) newest = { tick: frame.ticks.at(-1), frame };
 }
 
-/** Say of every part whether it is live; whatever is not is shown as what was. */
-function tellAge(age_ms) {
+/** Tell every part whether it is live; a part that is not is shown as past. */
+function updateAge(age_ms) {
   const was = stale;
   stale = isOld();
   header.age(age_ms, stale, why, !gone && stream.flows);
@@ -128,8 +128,8 @@ function tellAge(age_ms) {
 function draw(now) {
   requestAnimationFrame(draw);
   const age_ms = stream.age_ms;
-  tellAge(age_ms);
-  // The last that came is drawn even where it is old: beside the words of its tick, in grey.
+  updateAge(age_ms);
+  // The last tick is drawn even if it is old: in grey, beside the texts of the same tick.
   if (newest === null || newest === drawn) return;
   drawn = newest;
   const { tick, frame } = newest;
@@ -146,10 +146,10 @@ function draw(now) {
   document.documentElement.dataset.tick = tick.tick;
 }
 requestAnimationFrame(draw);
-// A page in the background draws nothing; what it says is marked as old all the same.
-setInterval(() => tellAge(stream.age_ms), 200);
+// A page in the background draws nothing, but its texts must still be marked as old.
+setInterval(() => updateAge(stream.age_ms), 200);
 
-// --- the arm in three dimensions: only where there is WebGL, and loaded after all else --------------
+// --- the arm in three dimensions: only if there is WebGL, and loaded last ---------------------------
 
 function webgl(careful) {
   const options = { failIfMajorPerformanceCaveat: careful };
@@ -173,12 +173,12 @@ async function openScene() {
 const asked = new URLSearchParams(location.search).get("scene");
 if (asked === "off" || !webgl(false)) {
   show(at("scene"), false);
-  say(at("scene-note"), asked === "off" ? "Switched off." : "This browser draws nothing in three dimensions (no WebGL).");
+  say(at("scene-note"), asked === "off" ? "Switched off." : "This browser cannot draw in three dimensions (no WebGL).");
 } else if (asked === "on" || webgl(true)) {
   requestIdleCallback?.(openScene) ?? setTimeout(openScene, 200);
 } else {
-  say(at("scene-note"), "This computer would draw it slowly, without help of its graphics.");
-  say(at("scene-toggle"), "Draw it all the same");
+  say(at("scene-note"), "This computer would draw the arm slowly, without a graphics processor.");
+  say(at("scene-toggle"), "Draw it anyway");
   show(at("scene-toggle"), true);
   at("scene-toggle").addEventListener("click", () => {
     say(at("scene-note"), "");

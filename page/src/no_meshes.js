@@ -1,4 +1,4 @@
-// In place of three's loaders of meshes, which urdf-loader would bring along: no mesh is served.
+// Replaces three's mesh loaders, which urdf-loader would pull in: no mesh is served.
 
 export class STLLoader {}
 export class ColladaLoader {}

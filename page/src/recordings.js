@@ -1,4 +1,4 @@
-// Recordings: begin, end, download, delete. The page's server writes them.
+// Recordings: start, end, download, delete. The page's server writes them.
 
 import { post } from "./commands.js";
 import { at, make, say, show } from "./dom.js";
@@ -9,7 +9,7 @@ const EVERY_MS = 2000;
 export class RecordingsPanel {
   #arm; #shown = null; #looking = false;
   #sure = ""; // the file whose deletion waits for a second click
-  #changes = 0; // begun and ended: a list asked for before the last one may be old
+  #changes = 0; // starts and ends of requests: a list requested before the last one may be old
 
   constructor(arm) {
     this.#arm = arm;
@@ -17,7 +17,7 @@ export class RecordingsPanel {
     setInterval(() => this.#look(), EVERY_MS);
   }
 
-  /** Let people record, or not. */
+  /** Allow recording, or not. */
   allow(may) {
     show(at("recordings-section"), may);
     if (may) this.#look();
@@ -28,12 +28,12 @@ export class RecordingsPanel {
     this.#looking = true;
     try {
       const before = this.#changes;
-      // Requests that hang would leave the browser no connection for a stop.
+      // Hanging requests would leave the browser no connection for a stop.
       const response = await fetch("recordings", { cache: "no-store", signal: AbortSignal.timeout(EVERY_MS) });
       const found = response.ok ? await response.json() : null;
       if (found && before === this.#changes) this.#draw(found);
     } catch {
-      // The stream says that there is no connection.
+      // The stream reports that there is no connection.
     }
     this.#looking = false;
   }

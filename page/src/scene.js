@@ -1,5 +1,5 @@
-// The arm in three dimensions: from its URDF, capsules where that has no shapes, the touched link lit, an
-// arc with a head around each joint that feels a torque.
+// The arm in three dimensions: drawn from its URDF, with capsules for links without shapes, the touched link
+// highlighted, and an arc arrow around each joint whose residual is beyond its level.
 
 import {
   AmbientLight, BoxGeometry, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
@@ -13,11 +13,11 @@ import { isBeyond } from "./words.js";
 
 const EVERY_MS = 33;
 const FRAME_EVERY_MS = 500;
-const LEAST_LINK = 0.02; // m: shorter ones are balls
+const LEAST_LINK = 0.02; // m: shorter links are drawn as balls
 const UP = new Vector3(0, 1, 0);
-const ARC = 1.6 * Math.PI; // of the torque's arrow
-const LARGEST_ARROW = 2; // times its size
-const POSES = 240; // of which the picture is to have all
+const ARC = 1.6 * Math.PI; // extent of a torque's arrow
+const LARGEST_ARROW = 2; // multiple of its normal size
+const POSES = 240; // all of which must be in the picture
 const AWAY = new Vector3(1, 0.5, 0.8).normalize(); // from the arm to the camera
 const RIGHT = new Vector3().crossVectors(UP, AWAY).normalize();
 const ABOVE = new Vector3().crossVectors(AWAY, RIGHT);
@@ -46,7 +46,7 @@ export class Scene {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#recolour());
   }
 
-  /** Build the arm, anew after the daemon came back: it may be another one. */
+  /** Build the arm; again after the daemon restarted, since it may be another arm. */
   async begin({ joints, force_axes, force_point, walls }) {
     this.#names = joints;
     this.#walls = walls;
@@ -54,7 +54,7 @@ export class Scene {
     const description = await readXml(this.#url);
     if (description === null) return this.#say("The arm's description cannot be read.");
     const loader = new URDFLoader();
-    // Meshes are files on the robot's computer, which this page is not served.
+    // Meshes are files on the robot's computer, which are not served to this page.
     loader.loadMeshCb = (path, manager, material, done) => done(new Group());
     for (const visual of description.querySelectorAll("visual")) {
       if (!visual.querySelector(":scope > geometry > *")) visual.remove();
@@ -80,7 +80,7 @@ export class Scene {
     this.#push();
   }
 
-  /** Show the shapes that are guarded, or hide them. */
+  /** Show the guarded shapes, or hide them. */
   show(shapes) {
     this.#shown = shapes;
     this.#shapes?.show(shapes);
@@ -92,7 +92,7 @@ export class Scene {
     this.#host.dataset.meeting = this.#meeting?.pair.join(" ") ?? "";
   }
 
-  /** Draw the pose, and what is felt, of a tick. */
+  /** Draw the pose and the contacts of a tick. */
   draw(tick) {
     const now = performance.now();
     if (this.#robot === null || now - this.#drawn_ms < EVERY_MS || this.#host.clientWidth === 0) return;
@@ -112,13 +112,13 @@ export class Scene {
     this.#host.dataset.arrows = this.#joints.filter((joint) => joint.arrow.visible).length;
   }
 
-  /** Hang a load at its place in the last link's frame, or take it off. */
+  /** Draw the load at its place in the last link's frame, or remove it. */
   #carry() {
     this.#load?.removeFromParent();
     this.#load = null;
     const hand = this.#joints.at(-1)?.joint.children.find((child) => child.isURDFLink);
     if (this.#carried === null || hand === undefined) return;
-    // As large as so much water would be, twice.
+    // Twice the radius of the same mass of water.
     const radius = 2 * Math.cbrt((3 * this.#carried.mass) / (4e3 * Math.PI));
     const material = new MeshStandardMaterial({ color: 0x9a6bd0, wireframe: !this.#carried.announced });
     const { box } = this.#carried;
@@ -127,7 +127,7 @@ export class Scene {
     hand.add(this.#load);
   }
 
-  /** Point at the tool where a force presses, with the cone of its doubt, or take the arrow off. */
+  /** Draw an arrow for the force at the tool, with the cone of its uncertainty, or remove it. */
   #push() {
     this.#force?.removeFromParent();
     this.#force = null;
@@ -141,14 +141,14 @@ export class Scene {
     link.add(this.#force);
   }
 
-  /** Mark the point of contact by a ball as large as its doubt, or take it off. */
+  /** Mark the point of contact with a ball as large as its uncertainty, or remove it. */
   #mark() {
     this.#point?.removeFromParent();
     this.#point = null;
     const link = this.#robot?.links[this.#touch?.link];
     this.#host.dataset.touch = this.#touch?.text ?? "";
     if (link === undefined) return;
-    this.#point = new Mesh(new SphereGeometry(this.#touch.doubt, 24, 16), mist(this.#colours));
+    this.#point = new Mesh(new SphereGeometry(this.#touch.doubt, 24, 16), translucent(this.#colours));
     this.#point.position.set(...this.#touch.point);
     link.add(this.#point);
   }
@@ -169,7 +169,7 @@ export class Scene {
   #build(robot) {
     if (this.#robot !== null) this.#space.remove(this.#robot, this.grid);
     this.#shapes?.remove();
-    robot.rotation.x = -Math.PI / 2; // URDF has z upwards, three.js y
+    robot.rotation.x = -Math.PI / 2; // z is up in URDF, y in three.js
     robot.updateMatrixWorld(true);
     this.#robot = robot;
     this.#space.add(robot);
@@ -177,7 +177,7 @@ export class Scene {
     this.#joints = Object.values(robot.joints)
       .filter((joint) => joint.jointType !== "fixed")
       .map((joint) => new Joint(joint, this.#size));
-    clothe(robot, this.#size, this.#joints);
+    addCapsules(robot, this.#size, this.#joints);
     this.grid = new GridHelper(2 * this.#size, 12, 0x888888, 0x888888);
     this.grid.material.transparent = true;
     this.grid.material.opacity = 0.25;
@@ -192,7 +192,7 @@ export class Scene {
     this.#resize();
   }
 
-  /** Note the corners of all that is drawn in poses at and within the limits, with the largest arrows. */
+  /** Note the corners of everything drawn, in poses at and within the limits, with the largest arrows. */
   #survey() {
     this.#corners = [];
     this.#seen.makeEmpty();
@@ -202,7 +202,7 @@ export class Scene {
       for (const { joint } of this.#joints) {
         const turns = joint.jointType === "continuous";
         const [lower, upper] = turns ? [-Math.PI, Math.PI] : [joint.limit.lower, joint.limit.upper];
-        // Often at an end: there an arm reaches furthest.
+        // Often at a limit, where an arm reaches furthest.
         const share = Math.min(Math.max(1.6 * shares.next().value - 0.3, 0), 1);
         joint.setJointValue(k === 0 ? 0 : lower + share * (upper - lower));
       }
@@ -224,7 +224,7 @@ export class Scene {
     }
   }
 
-  /** Have a pose beyond all that was surveyed in the picture, too. */
+  /** Extend the picture to a pose that lies outside the surveyed ones. */
   #follow(now) {
     this.#framed_ms = now;
     const box = new Box3().setFromObject(this.#robot);
@@ -234,7 +234,7 @@ export class Scene {
     this.#frame();
   }
 
-  /** Move the camera so near that all corners are just in the picture; one that was turned stays. */
+  /** Move the camera as near as all corners in the picture permit; if a person turned it, leave it. */
   #frame() {
     if (this.#turned || this.#corners.length === 0) return;
     const high = Math.tan((0.5 * this.#camera.fov * Math.PI) / 180);
@@ -280,7 +280,7 @@ function cornersOf({ min, max }) {
     (k) => new Vector3(k & 1 ? max.x : min.x, k & 2 ? max.y : min.y, k & 4 ? max.z : min.z));
 }
 
-/** A point along the camera's axes. */
+/** A point in the camera's axes. */
 function ofCamera(point) {
   return new Vector3(point.dot(RIGHT), point.dot(ABOVE), point.dot(AWAY));
 }
@@ -290,7 +290,7 @@ function* sequence() {
   for (let state = 1; ; state = (1664525 * state + 1013904223) % 2 ** 32) yield state / 2 ** 32;
 }
 
-/** XML document at `url`, null where there is none. Parsed on the way: texts are trusted by no sink. */
+/** XML document at `url`, null if there is none. The request parses it, since trusted types refuse strings. */
 function readXml(url) {
   return new Promise((resolve) => {
     const request = new XMLHttpRequest();
@@ -301,7 +301,7 @@ function readXml(url) {
   });
 }
 
-/** What is drawn of one joint: the shapes of its link, and its torque's arrow. */
+/** What is drawn for one joint: the shapes of its link, and its torque's arrow. */
 class Joint {
   #lit = ""; shapes = []; colours = null;
 
@@ -330,7 +330,7 @@ class Joint {
     this.mark.color.copy(this.colours.felt);
   }
 
-  /** Show a torque as a share of its level, with its sign; 0 for none. */
+  /** Show a torque, as a signed multiple of its level; 0 hides the arrow. */
   feel(share) {
     this.arrow.visible = share !== 0;
     if (share === 0) return;
@@ -339,7 +339,7 @@ class Joint {
   }
 }
 
-/** Arc with a head around the z axis, by the right hand. */
+/** Arc arrow around the z axis, right-handed. */
 function arrow(radius, material) {
   const group = new Group();
   group.add(new Mesh(new TorusGeometry(radius, 0.11 * radius, 8, 40, ARC), material));
@@ -350,8 +350,8 @@ function arrow(radius, material) {
   return group;
 }
 
-/** Straight arrow along the y axis whose head ends at the origin, and a cone around it that its shaft may
- * lie in. */
+/** Straight arrow along the y axis whose head ends at the origin, and the cone of its uncertainty around
+ * the shaft. */
 function force(length, cone, colour) {
   const group = new Group(), material = new MeshStandardMaterial({ color: colour, roughness: 0.4 });
   const thick = 0.04 * length, head = new Mesh(new ConeGeometry(3 * thick, 0.25 * length, 16), material);
@@ -359,40 +359,40 @@ function force(length, cone, colour) {
   const shaft = new Mesh(new CapsuleGeometry(thick, 0.8 * length, 4, 12), material);
   shaft.position.y = -0.6 * length;
   const half = Math.min(cone, 1.3), shape = [length * Math.sin(half), length * Math.cos(half), 24, 1, true];
-  const doubt = new Mesh(new ConeGeometry(...shape), mist(colour));
+  const doubt = new Mesh(new ConeGeometry(...shape), translucent(colour));
   doubt.position.y = -0.5 * length * Math.cos(half);
   group.add(head, shaft, doubt);
   return group;
 }
 
-/** Material of what is in doubt. */
-function mist(color) {
+/** Translucent material for uncertainties. */
+function translucent(color) {
   return new MeshStandardMaterial({ color, roughness: 0.4, transparent: true, opacity: 0.25, depthWrite: false });
 }
 
-/** Give every link without shapes a capsule to each joint on it; the last one as far as its mass. */
-function clothe(robot, size, joints) {
+/** Give every link without shapes a capsule to each of its child joints; the last link one along its centre of mass. */
+function addCapsules(robot, size, joints) {
   const radius = 0.035 * size;
   for (const link of Object.values(robot.links)) {
     const owner = joints.find((one) => one.joint.children.includes(link));
     const material = owner?.material ?? new MeshStandardMaterial({ color: 0x8a8f98, roughness: 0.7 });
-    let dressed = false;
+    let hasShapes = false;
     for (const visual of link.children.filter((child) => child.isURDFVisual)) {
       visual.traverse((part) => {
         if (!part.isMesh) return;
         part.material = material;
-        dressed = true;
+        hasShapes = true;
       });
     }
-    if (dressed) continue;
+    if (hasShapes) continue;
     const ends = link.children.filter((child) => child.isURDFJoint).map((joint) => joint.position.clone());
-    if (ends.length === 0) ends.push(massOf(link));
+    if (ends.length === 0) ends.push(endOf(link));
     for (const end of ends) link.add(capsule(end, radius, material));
   }
 }
 
-/** Twice the way to the centre of mass: about the end of a link that carries nothing more. */
-function massOf(link) {
+/** Twice the position of the centre of mass: roughly the end of a link without child joints. */
+function endOf(link) {
   const origin = link.urdfNode?.querySelector(":scope > inertial > origin")?.getAttribute("xyz");
   const numbers = (origin ?? "0 0 0").trim().split(/\s+/).map(Number);
   return new Vector3(...numbers).multiplyScalar(2);
@@ -407,7 +407,7 @@ function capsule(end, radius, material) {
   return mesh;
 }
 
-/** Length of the stretched arm [m]: the largest sum of ways between joints. */
+/** Length of the stretched arm [m]: the largest sum of distances between joints. */
 function reach(robot) {
   const along = (part) =>
     Math.max(0, ...part.children.filter((child) => child.isURDFJoint || child.isURDFLink)

@@ -1,9 +1,9 @@
-// The last seconds of one joint, in columns for curves; bounded, and without gaps that are filled in.
+// The last seconds of one joint, in columns for curves; bounded; missing ticks are not filled in.
 
 export const WINDOW_S = 20;
 const MOST = 4096; // samples: 20 s at 200 Hz
 
-/** Columns that grow at the end and lose what is older than the window. */
+/** Columns that grow at the end and drop the oldest rows. */
 export class Series {
   #columns; #length = 0;
 
@@ -15,7 +15,7 @@ export class Series {
     this.#length = 0;
   }
 
-  /** Add a row; its first number is the time [s] and rises. */
+  /** Add a row. Its first number is the time [s]; if it does not increase, the earlier rows are cleared. */
   add(row) {
     const [times] = this.#columns;
     if (this.#length > 0 && row[0] <= times[this.#length - 1]) this.clear();
@@ -24,7 +24,7 @@ export class Series {
     this.#length += 1;
   }
 
-  /** Columns of what is in the window that ends at `end_s`; views, valid until the next `add`. */
+  /** Columns of the window that ends at `end_s`; views, valid until the next `add`. */
   window(end_s) {
     const [times] = this.#columns;
     let first = Math.max(this.#length - MOST, 0);

@@ -1,5 +1,5 @@
-// Shapes that walls guard: the arm's capsules, the planes and boxes around it, and the arm where a path that
-// was refused would lead two of them through each other.
+// Guarded shapes: the arm's capsules, the planes and boxes around it, and the arm in the pose in which a
+// refused path would make two of them overlap.
 
 import {
   BoxGeometry, CapsuleGeometry, DoubleSide, Euler, Group, Mesh, MeshStandardMaterial, PlaneGeometry,
@@ -10,22 +10,22 @@ const ALONG = new Vector3(0, 1, 0); // of a capsule
 const FACING = new Vector3(0, 0, 1); // of a plane
 
 export class Shapes {
-  #robot; #arm = []; #around = new Group(); #there = new Group(); #plain = glass(0.3);
-  #met = glass(0.7);
+  #robot; #arm = []; #around = new Group(); #there = new Group(); #plain = translucent(0.3);
+  #met = translucent(0.7);
 
-  /** Shapes of an arm of this size, in the files' words, or none. */
+  /** Shapes for an arm of this size, in the format of the files; `walls` may be null. */
   constructor(robot, walls, size) {
     this.#robot = robot;
     for (const { name, joint, start, end, radius } of walls?.shapes.capsules ?? []) {
       const capsule = named(name, between(new Vector3(...start), new Vector3(...end), radius, this.#plain));
       this.#arm.push(capsule);
-      (robot.joints[joint] ?? robot).add(capsule); // of the root where no joint moves it
+      (robot.joints[joint] ?? robot).add(capsule); // on the root if no joint moves it
     }
     for (const [name, { point, normal }] of Object.entries(walls?.surroundings.planes ?? {})) {
-      const way = new Vector3(...normal).normalize();
+      const unit = new Vector3(...normal).normalize();
       const plane = named(name, new Mesh(new PlaneGeometry(2 * size, 2 * size), this.#plain));
-      plane.position.copy(way).multiplyScalar(way.dot(new Vector3(...point))); // nearest to the root
-      plane.quaternion.setFromUnitVectors(FACING, way);
+      plane.position.copy(unit).multiplyScalar(unit.dot(new Vector3(...point))); // its point nearest to the root
+      plane.quaternion.setFromUnitVectors(FACING, unit);
       this.#around.add(plane);
     }
     for (const [name, { centre, size: edges, rpy }] of Object.entries(walls?.surroundings.boxes ?? {})) {
@@ -34,7 +34,7 @@ export class Shapes {
       box.setRotationFromEuler(new Euler(...rpy, "ZYX"));
       this.#around.add(box);
     }
-    this.#around.rotation.copy(robot.rotation); // in its frame, but no part of what the picture is to have
+    this.#around.rotation.copy(robot.rotation); // in its frame, but not part of what must be in the picture
     robot.parent.add(this.#around, this.#there);
     this.show(false);
   }
@@ -47,7 +47,7 @@ export class Shapes {
     for (const group of [this.#around, this.#there]) group.removeFromParent();
   }
 
-  /** Draw the arm with its load at the place of a meeting, beside it as it stands, or take it off. */
+  /** Draw the arm with its load in the pose of a meeting, beside its present pose, or remove it. */
   refuse(meeting, names, load) {
     this.#there.clear();
     if (!meeting) return;
@@ -79,12 +79,12 @@ function named(name, mesh) {
 }
 
 function between(start, end, radius, material) {
-  const way = end.clone().sub(start), mesh = new Mesh(new CapsuleGeometry(radius, way.length(), 8, 20), material);
-  mesh.position.copy(start).addScaledVector(way, 0.5);
-  if (way.length() > 0) mesh.quaternion.copy(new Quaternion().setFromUnitVectors(ALONG, way.normalize()));
+  const span = end.clone().sub(start), mesh = new Mesh(new CapsuleGeometry(radius, span.length(), 8, 20), material);
+  mesh.position.copy(start).addScaledVector(span, 0.5);
+  if (span.length() > 0) mesh.quaternion.copy(new Quaternion().setFromUnitVectors(ALONG, span.normalize()));
   return mesh;
 }
 
-function glass(opacity) {
+function translucent(opacity) {
   return new MeshStandardMaterial({ roughness: 0.6, transparent: true, opacity, depthWrite: false, side: DoubleSide });
 }

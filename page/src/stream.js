@@ -1,35 +1,35 @@
-// Stream of one arm's States: a WebSocket that connects again by itself, and the age of what it brought.
+// Stream of one arm's States: a WebSocket that reconnects by itself, and the age of what arrived.
 
 import { framesOf } from "./frames.js";
 
 export const STALE_MS = 1000;
 const RETRY_MS = 500;
-const SILENT_MS = 3000; // an open connection that brings nothing is given up
+const SILENT_MS = 3000; // an open connection without a message for this long is given up
 const CLOCK_EVERY_MS = 3000;
-const READINGS = 20; // of the daemon's clock that count: a minute, in which no two clocks drift apart
+const READINGS = 20; // of the daemon's clock that are kept: a minute, in which the drift of two clocks is negligible
 
 /**
- * Age of figures that carry the time of the daemon's own monotonic clock. That clock is asked for apart
- * from the stream, and was read after the question left. So an age is never less than the truth, however
- * long figures were held up on their way, and from the first one on.
+ * Age of figures stamped with the time of the daemon's monotonic clock. That clock is requested apart from
+ * the stream, and is read after the request was sent. So the age is never less than the true one, however
+ * long the figures were delayed, and from the first figure on.
  */
 export class AgeClock {
-  #offsets = []; // of the daemon's clock from ours [ms], each no more than the truth
+  #offsets = []; // our clock less the daemon's [ms], each no more than the true one
   #newest_s = -Infinity;
 
-  /** Begin anew: another daemon may have another clock. */
+  /** Start again: another daemon may have another clock. */
   reset() {
     this.#offsets = [];
     this.#newest_s = -Infinity;
   }
 
-  /** Take note that the daemon's clock was `monotonic_s` at some moment after `asked_ms` of ours. */
+  /** Note that the daemon's clock was `monotonic_s` at some time after `asked_ms` of ours. */
   read(monotonic_s, asked_ms) {
     this.#offsets.push(asked_ms - 1e3 * monotonic_s);
     if (this.#offsets.length > READINGS) this.#offsets.shift();
   }
 
-  /** Take note of figures from `monotonic_s`. */
+  /** Note figures stamped `monotonic_s`. */
   arrived(monotonic_s) {
     this.#newest_s = Math.max(this.#newest_s, monotonic_s);
   }
@@ -39,8 +39,8 @@ export class AgeClock {
     return this.#offsets.length > 0;
   }
 
-  /** Age of the newest figures [ms]; infinite where it is not known. Figures from times to come: one
-      of the clocks was set, or slept. */
+  /** Age of the newest figures [ms]; infinite if unknown, as for figures stamped in the future: then one
+      of the clocks was set, or was suspended. */
   age_ms(now_ms) {
     const age_ms = now_ms - 1e3 * this.#newest_s - Math.max(...this.#offsets);
     return age_ms > -STALE_MS ? age_ms : Infinity;
@@ -48,7 +48,7 @@ export class AgeClock {
 }
 
 /**
- * Calls `on.frame(frame)`, `on.message(object)`, `on.problem(text)`, and `on.lost()` without a server.
+ * Calls `on.frame(frame)`, `on.message(object)`, `on.problem(text)`, and `on.lost()` if the server is lost.
  */
 export class Stream {
   #url; #on; #socket = null; #heard_ms = 0; #framed_ms = -Infinity; #retry = null; #asking = false;
@@ -62,12 +62,12 @@ export class Stream {
     setInterval(() => this.#askClock(), CLOCK_EVERY_MS);
   }
 
-  /** Age of what is shown [ms]. */
+  /** Age of the figures shown [ms]. */
   get age_ms() {
     return this.clock.age_ms(performance.now());
   }
 
-  /** True if figures came just now, however old they are. */
+  /** True if figures arrived within STALE_MS, however old they are. */
   get flows() {
     return this.clock.known && performance.now() - this.#framed_ms < STALE_MS;
   }
@@ -115,7 +115,7 @@ export class Stream {
       const response = await fetch("clock", { cache: "no-store", signal: AbortSignal.timeout(STALE_MS) });
       if (response.ok) this.clock.read(Number(await response.text()), asked_ms);
     } catch {
-      // Without an answer the age is not known, or as of before.
+      // Without an answer the age stays unknown, or is computed from earlier readings.
     }
     this.#asking = false;
   }
@@ -128,7 +128,7 @@ export class Stream {
     this.#retry = setTimeout(() => this.#connect(), RETRY_MS);
   }
 
-  /** Give up a connection that is open and silent; its end may never be reported. */
+  /** Give up a connection that is open but silent; its close may never be reported. */
   #watch() {
     const socket = this.#socket;
     if (socket === null || performance.now() - this.#heard_ms < SILENT_MS) return;

@@ -1,40 +1,41 @@
 // Modes, durations and numbers in words. Pure.
 
-// A sign beside each mode: no state is shown by its colour alone.
+// A sign beside each mode, because no state may be shown by its colour alone.
 export const MODES = {
-  off: ["○", "off", "the drives have no power over the arm"],
+  off: ["○", "off", "the drives are not energised"],
   enabling: ["◔", "enabling", "the drives are being switched on"],
-  holding: ["■", "holding", "the arm stands"],
+  holding: ["■", "holding", "the arm holds its position"],
   tracking: ["▶", "tracking", "the arm moves along its trajectory"],
-  admittance: ["↔", "yielding", "the arm follows the hand that pushes it"],
-  retracting: ["↶", "retracting", "the arm backs away from what it met"],
-  returning: ["↩", "returning", "the arm goes back to its trajectory"],
-  releasing: ["⇄", "releasing", "the arm lets go of what it hit"],
+  admittance: ["↔", "yielding", "the arm yields to the hand that pushes it"],
+  retracting: ["↶", "retracting", "the arm moves back from the contact"],
+  returning: ["↩", "returning", "the arm returns to its trajectory"],
+  releasing: ["⇄", "releasing", "the arm relieves the force of a collision"],
   stopping: ["▼", "stopping", "the arm decelerates"],
-  faulted: ["✖", "fault", "quick stop, until a person resets it"],
+  faulted: ["✖", "fault", "quick stop, until a person resets the fault"],
 };
 
 const GUIDED = new Set(["admittance", "retracting"]);
 
-/** What happens after this mode, in words; empty where that is plain. */
+/** Text on what happens after this mode; empty if that is obvious. */
 export function next(mode, moving, quiet_s) {
   if (!GUIDED.has(mode)) return "";
-  return `quiet for ${quiet_s.toFixed(1)} s, then it ${moving ? "goes on" : "holds"}`;
+  return `quiet for ${quiet_s.toFixed(1)} s, then it ${moving ? "continues" : "holds"}`;
 }
 
-/** Whether joint i feels more than its level. One that senses nothing does not, whatever its residual was last. */
+/** Whether joint i detects contact beyond its level. A joint that is not sensing does not, whatever its last
+    residual. */
 export function isBeyond({ residual, threshold, joints }, i) {
   return joints[i].sensing && Math.abs(residual[i]) > threshold[i];
 }
 
-/** Of which joints it is not known what they feel, since they sense nothing; empty where all sense. */
-export function deaf(names, { joints }) {
+/** Text on the joints whose contact is unknown because they are not sensing; empty if all are sensing. */
+export function notSensing(names, { joints }) {
   const which = names.filter((_, i) => !joints[i].sensing);
-  if (which.length === names.length) return "not known, no joint senses";
-  return which.length ? `not known of ${which.join(", ")}` : "";
+  if (which.length === names.length) return "unknown, no joint is sensing";
+  return which.length ? `unknown for ${which.join(", ")}` : "";
 }
 
-/** What joints feel beyond their level, in words, the strongest first; empty for nothing. */
+/** Text on the joints whose residual is beyond their level, the strongest first; empty for none. */
 export function felt(joints, tick) {
   const { residual, threshold } = tick;
   const share = (i) => Math.abs(residual[i]) / threshold[i];
@@ -42,7 +43,7 @@ export function felt(joints, tick) {
   return beyond.map((i) => `${joints[i]} ${signed(residual[i], 1)} Nm`).join(", ");
 }
 
-/** Duration for people: 0.5 s, 42 s, 9 min 12 s, 1 h 4 min. */
+/** Duration as text: 0.5 s, 42 s, 9 min 12 s, 1 h 4 min. */
 export function duration(seconds) {
   if (seconds < 10) return `${Math.max(seconds, 0).toFixed(1)} s`;
   const whole = Math.round(seconds);
@@ -51,7 +52,7 @@ export function duration(seconds) {
   return min ? `${min} min ${s} s` : `${s} s`;
 }
 
-/** Time of the day of a Unix time [s]. */
+/** Time of day of a Unix time [s], as text. */
 export function clock(wall_s, digits = 0) {
   const date = new Date(1e3 * wall_s);
   const two = (n) => String(n).padStart(2, "0");
@@ -59,31 +60,31 @@ export function clock(wall_s, digits = 0) {
   return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}${rest}`;
 }
 
-/** Number with its sign, a true minus, and so many decimals. */
+/** Number with its sign (U+2212 for minus) and this many decimals. */
 export function signed(value, digits = 2) {
   return `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
 }
 
-/** Number with a true minus where it is negative, and so many decimals; zero has no sign. */
+/** Number with U+2212 for minus and this many decimals; zero has no sign. */
 export function fixed(value, digits) {
   const text = Math.abs(value).toFixed(digits);
   return value < 0 && Number(text) !== 0 ? `−${text}` : text;
 }
 
-/** Size of a file. */
+/** Size of a file as text. */
 export function size(bytes) {
   return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 }
 
-/** Side of a joint's gap in words. */
+/** Text for each side of a joint's gap. */
 export const SIDES = {
   left: "at the left side",
   right: "at the right side",
   gap: "in the gap",
-  unknown: "side not known",
+  unknown: "side unknown",
 };
 
-/** What was learned of joint i since it was identified; empty where nothing was. */
+/** Text on what was learned about joint i since its identification; empty if nothing was. */
 export function learned(found, i) {
   if (!found) return "";
   const names = [["coulomb", "friction"], ["viscous", "viscous friction"],

@@ -1,1 +1,1 @@
-"""Programs beside the daemon, over the control socket: client, recorders, dashboard, replay."""
+"""Clients of the daemon's control socket: client, recorders, dashboard; and the replay."""

@@ -1,7 +1,7 @@
 """Blocking client of the control socket, with contactd's own types for its messages.
 
-The command lines use it; it imports nothing heavy, so that they start at once. The connection is
-that of `contactd_client`, which programs outside take.
+The command lines use it; it avoids slow imports, so that they start at once. The connection is that
+of `contactd_client`, the client for external programs.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,8 +39,8 @@ T = TypeVar("T")
 class Client:
     """One connection to the daemon, from construction to `close`.
 
-    Raises UnreachableError if there is no daemon, this user may not ask it, or it does not answer
-    within `timeout_s` [s]; ControlError for an answer that is not understood.
+    Raises UnreachableError if there is no daemon, this user has no permission, or there is no reply
+    within `timeout_s` [s]; ControlError for a reply that cannot be decoded.
     """
 
     def __init__(self, path: Path | None = None, timeout_s: float = ANSWER_S) -> None:
@@ -61,47 +61,43 @@ class Client:
         self._connection.close()
 
     def request(self, command: Command) -> Reply:
-        """Send `command` and wait for the answer, which may be a refusal."""
+        """Send `command` and wait for the reply, which may be a refusal."""
         return self.ask(bare(command))
 
     def ask(self, request: Request) -> Reply:
-        """Send a request with its arguments and wait for the answer, which may be a refusal."""
+        """Send a request with arguments and wait for the reply, which may be a refusal."""
         patience = patience_s(request.command, self._timeout_s)
         answer = self._connection.exchange(msgspec.json.encode(request), patience)
         return decoded(self._replies, answer)
 
     def demand(self, command: Command) -> Reply:
-        """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
+        """Send `command` and return the reply. Raises ControlError with all reasons if refused."""
         reply = self.request(command)
         if not reply.ok:
             raise ControlError(reply.refusal)
         return reply
 
     def ask_status(self) -> Status:
-        """The daemon's Status. Raises ControlError where it is refused."""
+        """Status of the daemon. Raises ControlError if refused."""
         reply = self.request("status")
         if reply.status is None:
             raise ControlError(reply.refusal)
         return reply.status
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
-        """Arm the arm; the answer may be a refusal.
+        """Arm the arm; the reply may be a refusal.
 
-        The arm stays armed for `lease_s` [s], 0.5 s unless given: `renew` well before. It ends at
-        once when this connection does. `detached` is for people at a command line: the lease
-        (600 s) outlives the connection, and every process of the same user prolongs it by arming
-        again.
+        The lease lasts `lease_s` [s], by default 0.5 s: `renew` it well before its end. It ends
+        with this connection. `detached` is for people at a command line: the lease, by default
+        600 s, outlives the connection, and any process of the same user renews it by arming again.
 
         Raises ControlError unless 0 < lease_s <= 86400.
         """
         return self.ask(Arm(lease_s=_a_lease(lease_s), detached=detached))
 
     def renew(self, lease_s: float | None = None) -> Reply:
-        """Keep what this connection armed for another `lease_s` [s], 0.5 s unless given.
-
-        Refused once the arm is not armed any more, whatever disarmed it. Raises
-        ControlError unless 0 < lease_s <= 86400.
-        """
+        """Renew the lease of this connection for another `lease_s` [s], by default 0.5 s. Refused
+        once the arm is disarmed. Raises ControlError unless 0 < lease_s <= 86400."""
         return self.ask(Renew(lease_s=_a_lease(lease_s)))
 
     def payload(
@@ -112,12 +108,12 @@ class Client:
         name: str = "",
         box: Sequence[float] | None = None,
     ) -> Reply:
-        """Announce the payload in the hand: a mass [kg] with its centre `com` (3,) [m] in the frame
-        of the URDF's last link (by default the tool point) and the edges (3,) [m] of a `box` about
-        that for walls, or the `name` of one in the configuration; neither, or 0 kg: nothing. The
-        answer may be a refusal."""
+        """Announce the payload in the hand: a `mass` [kg] with its centre of mass `com` (3,) [m] in
+        the frame of the URDF's last link (by default the tool point) and edge lengths (3,) [m] of a
+        `box` about it for walls; or the `name` of a configured payload; neither, or 0 kg: none. The
+        reply may be a refusal."""
         place, edges = (None if x is None else list(x) for x in (com, box))
-        if name or not place is edges is None:  # the daemon refuses what does not go together
+        if name or not place is edges is None:  # the daemon refuses invalid combinations
             return self.ask(SetPayload(name=name or None, mass=mass, com=place, box=edges))
         return self.ask(SetPayload(mass=mass or 0.0))
 
@@ -131,14 +127,14 @@ class Client:
         planned_from: Sequence[float] | None = None,
         attended: bool = False,
     ) -> Reply:
-        """Move in a straight line through joint space to a `pose` of the configuration, or to
-        `targets`, positions by joint [rad]; other joints stay. `speed` [rad/s] is that of the joint
-        that goes furthest, 0.2 unless given. Nothing avoids a collision.
+        """Move on a straight line in joint space to a `pose` of the configuration, or to `targets`,
+        positions by joint [rad]; other joints do not move. `speed` [rad/s] is that of the joint
+        with the longest distance, by default 0.2. Collisions are not avoided.
 
-        With `plan` nothing moves; the reply's `way` is what would. `planned_from` (n,) [rad] is
-        the `way.start` of such a reply: where the arm stands elsewhere by now it is refused. Also
-        while the arm is not armed, a contact halts it. Where it is `attended`, it halts when this
-        connection ends or asks nothing for 2 s. The answer may be a refusal.
+        With `plan` nothing moves; the reply's `way` is the planned path. `planned_from` (n,) [rad]
+        is the `way.start` of such a reply: the motion is refused if the arm is elsewhere now. A
+        contact halts the arm even while it is not armed. An `attended` motion halts when this
+        connection ends or sends nothing for 2 s. The reply may be a refusal.
         """
         return self.ask(
             Go(
@@ -162,18 +158,18 @@ class Client:
         from_here: bool = False,
         motors_only: bool = False,
     ) -> None:
-        """Hand a trajectory to the daemon, which checks every row against the arm's limits.
+        """Send a trajectory to the daemon, which checks every row against the arm's limits.
 
-        `joints` names k joints, all others hold; `times` (m,) [s] rise; `positions` and
+        `joints` names k joints, others hold; `times` (m,) [s] increase; `positions` and
         `velocities` (m, k) [rad, rad/s] at the link, rows of numbers or arrays; 2 <= m <= 60000.
-        Between the samples runs a cubic Hermite spline; without velocities they are the slopes
-        of parabolas through the neighbours. The arm must stand within 0.05 rad of the first row
+        The samples are interpolated by a cubic Hermite spline; default velocities are the slopes
+        of parabolas through neighbouring samples. The arm must be within 0.05 rad of the first row
         when it starts, unless `from_here` makes all rows displacements. With `motors_only` the
-        motors run at the path's velocity and no loop closes over the links: a motor that is to
-        stand does so, while a hand moves its link through the gap.
+        motors run at the path's velocity without position loops over the links, so that a motor
+        stands still while a hand moves its link through the gap.
 
-        Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
-        another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
+        Nothing moves until `start_loaded`; the trajectory is discarded when this connection ends,
+        or another one is loaded. Raises TrajectoryError, whose `row` is the first refused one.
         """
         refuse_shapes(len(joints), times, positions, velocities)
         if velocities is None:
@@ -193,8 +189,8 @@ class Client:
             self._load(Load(rows=chunk))
 
     def start_loaded(self, *, attended: bool = False) -> Reply:
-        """Run what `load_trajectory` handed over; the answer may be a refusal. Where it is
-        `attended`, it halts when this connection ends, or asks nothing for 2 s."""
+        """Run the loaded trajectory; the reply may be a refusal. An `attended` motion halts when
+        this connection ends or sends nothing for 2 s."""
         return self.ask(Start(loaded=True, attended=attended))
 
     def _load(self, request: Load) -> None:
@@ -204,25 +200,24 @@ class Client:
             raise TrajectoryError(text, row=reply.row)
 
     def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
-        """Snapshot, and an iterator over every State from then on.
+        """Subscribe; returns the snapshot and an iterator over all States from then on.
 
-        The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
-        silent. A reader that is too slow misses States: look at their `tick`.
+        The iterator never ends: it raises UnreachableError when the daemon is gone or silent. A
+        reader that is too slow misses States, which their `tick` shows.
         """
         reply = self.request("subscribe")
         if not reply.ok or reply.snapshot is None:
             raise ControlError(reply.refusal)
         if refusal := format_refusal(reply.snapshot.format):
-            raise ControlError(f"the daemon speaks another version: its States are {refusal}")
+            raise ControlError(f"the daemon has another version: its States are {refusal}")
         return reply.snapshot, self._iterate()
 
     def waits(self, timeout_s: float) -> bool:
-        """True once a message, or the connection's end, waits to be read; False where neither came
-        within `timeout_s` [s]."""
+        """Wait at most `timeout_s` [s]; True if a message, or the connection's end, can be read."""
         return self._connection.waits(timeout_s)
 
     def packet(self) -> bytes:
-        """Next message, as it was sent."""
+        """Next message as raw bytes."""
         return self._connection.packet()
 
     def _iterate(self) -> Iterator[State]:
@@ -231,15 +226,15 @@ class Client:
 
 
 def decoded(decoder: msgspec.json.Decoder[T], packet: bytes) -> T:
-    """Message in a packet of the daemon. Raises ControlError for another one."""
+    """Message decoded from a packet of the daemon. Raises ControlError if it does not match."""
     try:
         return decoder.decode(packet)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise ControlError(f"the daemon speaks another version: {error}") from error
+        raise ControlError(f"the daemon has another version: {error}") from error
 
 
 def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
-    """The rows, rounded to 1e-9 (below the resolution of drives), in chunks that fit a request."""
+    """Rows rounded to 1e-9, below the drives' resolution, in chunks that fit into a request."""
     chunk: list[list[float]] = []
     room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Load(rows=[])))
     for row in rows:
@@ -255,5 +250,5 @@ def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
 
 def _a_lease(lease_s: float | None) -> float | None:
     if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
-        raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
+        raise ControlError(f"lease of {lease_s} s: must be more than 0, at most {LONGEST_S:g} s")
     return lease_s

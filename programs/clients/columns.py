@@ -1,8 +1,8 @@
-"""Columns: many consecutive States, or estimates, as arrays with one row per tick.
+"""Columns: consecutive States, or estimates, as arrays with one row per tick.
 
-A replay hands the samples of a whole batch to the estimator and compares what comes out with what
-was recorded, array by array. Words of a State are codes here, and what is missing or of
-another length is NaN, or a code that no estimate has: it equals nothing, like a damaged field.
+A replay runs the estimator over the samples of a whole batch and compares its results with the
+recorded ones, array by array. Words of a State are encoded as integers. Missing values, and vectors
+of another length, become NaN or a code that no estimate has, so that they compare unequal.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,21 +21,21 @@ from estimator.wrench import UNSEEN, WIDTH
 
 SIDES: Final = {name: side for side, name in SIDE_NAMES.items()}
 NO_LINK: Final = -1  # code of no touched link
-STRANGE: Final = -2  # code of words that no estimate has
+STRANGE: Final = -2  # code of unknown words
 Columns = dict[str, NDArray[Any]]
-"""Estimated fields by name, (ticks, n) or (ticks,). "beside" is a code for the names of the
-variants, and each of them has a column "beside NAME"."""
+"""Estimated fields by name, (ticks, n) or (ticks,). "beside" encodes whether the names of the
+residual variants match; each variant has a column "beside NAME"."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Joints and names of the residuals beside, to which the columns' shapes and codes belong."""
+    """Joints, and names of the residual variants, which determine the columns' shapes and codes."""
 
     joints: tuple[str, ...]
     beside: tuple[str, ...]
 
     def samples(self, states: Sequence[State]) -> SampleRows:
-        """Samples in these States."""
+        """Samples contained in these States."""
 
         def column(name: str) -> Matrix:
             return self._matrix([getattr(state, name) for state in states])
@@ -54,7 +54,7 @@ class Layout:
         columns: Columns = {
             field: self._matrix([getattr(state, field) or () for state in states])
             for field in ESTIMATED
-            if getattr(states[0], field) is not None  # recorded before there was such a field
+            if getattr(states[0], field) is not None  # older recordings lack some fields
         }
         links = {name: link for link, name in enumerate(self.joints)} | {"": NO_LINK}
         variants = set(self.beside)
@@ -77,7 +77,7 @@ class Layout:
         return np.fromiter(codes, np.int8, shape[0] * shape[1]).reshape(shape)
 
     def replayed(self, made: EstimateRows) -> Columns:
-        """The same fields of estimates."""
+        """Columns of the same fields from estimates."""
         return {
             **{field: getattr(made, name) for field, name in ESTIMATED.items()},
             "side": made.side,
@@ -89,7 +89,7 @@ class Layout:
         }
 
     def in_words(self, columns: Columns, field: str, row: int) -> object:
-        """Value of a State's field in a row, as State has it."""
+        """Value of a field in one row, converted back to its form in State."""
         if field == "beside":
             return {name: columns[f"beside {name}"][row].tolist() for name in self.beside}
         values = columns[field][row]
@@ -104,17 +104,17 @@ class Layout:
         return values.tolist()
 
     def _matrix(self, rows: Sequence[Sequence[float]]) -> Matrix:
-        """Rows (ticks, n); NaN for one of another length."""
+        """Rows (ticks, n); NaN for rows of another length."""
         n = len(self.joints)
         nothing = [np.nan] * n
-        whole = [row if len(row) == n else nothing for row in rows]
-        flat = np.fromiter(chain.from_iterable(whole), np.float64, n * len(rows))
+        checked = [row if len(row) == n else nothing for row in rows]
+        flat = np.fromiter(chain.from_iterable(checked), np.float64, n * len(rows))
         return flat.reshape(len(rows), n)
 
 
 def first_difference(recorded: Columns, replayed: Columns) -> tuple[int, str] | None:
-    """Row and name of the State's field that differs first, of several in one row the first in the
-    columns' order; None where every bit is the same."""
+    """Row and name of the first field that differs, within a row the first in the columns' order;
+    None if all are bit-identical."""
     first: tuple[int, str] | None = None
     for name, column in recorded.items():
         other = column != replayed[name]
@@ -125,7 +125,7 @@ def first_difference(recorded: Columns, replayed: Columns) -> tuple[int, str] | 
 
 
 def _wrenches(states: Sequence[State]) -> Matrix:
-    """Rows (ticks, WIDTH) of what a Wrench was made of; its unseen directions in their places."""
+    """Rows (ticks, WIDTH) of the numbers in a Wrench; NaN if there is none or it is malformed."""
     rows = np.zeros((len(states), WIDTH))
     for row, state in zip(rows, states, strict=True):
         one = state.wrench
@@ -143,7 +143,7 @@ def _codes(codes: Iterator[int]) -> NDArray[np.int64]:
 
 
 def _flags_code(names: tuple[str, ...]) -> int:
-    """Flags of these names, which State lists in their order; STRANGE if it does not."""
+    """Code of the flags with these names in their fixed order; STRANGE for others."""
     if names not in _FLAGS:
         return STRANGE
     return _FLAGS[names]

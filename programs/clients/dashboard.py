@@ -1,7 +1,7 @@
-"""Live dashboard for a person, as rich renderables.
+"""Live dashboard as rich renderables.
 
-They are made from messages alone: nothing here reads a socket, a clock or a terminal. `Dashboard`
-fits 100 x 30 characters, and 80 x 24 with narrower bars.
+They depend on messages alone: nothing here reads a socket, a clock or a terminal. `Dashboard` fits
+into 100 x 30 characters, and into 80 x 24 with narrower bars.
 """
 
 import math
@@ -31,12 +31,12 @@ SHOWN_LAG_S = 0.5
 SHOWN_SILENCE_S = 0.5
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
-WIDE = 96  # columns from which the bars are wide and the drives' states shown
+WIDE = 96  # width from which on bars are wide and drive states are shown
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Summary of the last thousand ticks and of the last events, beside the present State."""
+    """Summary of the last WINDOW_TICKS ticks and the last events."""
 
     lateness_p50_us: float = 0.0
     lateness_max_us: float = 0.0
@@ -46,7 +46,7 @@ class Summary:
 
 @dataclass(slots=True)
 class History:
-    """Bounded past of the States."""
+    """Bounded history of timing and events."""
 
     _timing: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOW_TICKS))
     _events: deque[tuple[float, str, str]] = field(
@@ -54,7 +54,7 @@ class History:
     )
 
     def add(self, state: State) -> None:
-        """Keep the timing and the events of one tick."""
+        """Add the timing and the events of one tick."""
         self._timing.append((state.timing.lateness_us, state.timing.work_us))
         self._events.extend((state.time_s, event.kind, event.text) for event in state.notices)
 
@@ -73,14 +73,13 @@ class History:
 
 @dataclass(slots=True)
 class Lag:
-    """Lag of the States that are read behind the daemon: by how much more of our time has passed
-    between two of them than of theirs, at most. A reader that is slow, on a busy machine or
-    over a slow terminal, shows the past."""
+    """Lag of the States that are read behind the daemon: the increase of the offset between the two
+    clocks over its least value. A reader slowed by a busy computer or terminal shows the past."""
 
     _least: float = math.inf
 
     def of(self, now_s: float, time_s: float) -> float:
-        """Lag [s] of a State of the daemon's `time_s` that is read at `now_s` of our clock."""
+        """Lag [s] of a State with the daemon's time `time_s`, read at `now_s` of our clock."""
         offset = now_s - time_s
         self._least = min(self._least, offset)
         return offset - self._least
@@ -93,19 +92,19 @@ class Dashboard:
     snapshot: Snapshot
     state: State
     summary: Summary
-    lag_s: float = 0.0  # of the picture
-    silent_s: float = 0.0  # since the State came
+    lag_s: float = 0.0  # of the display behind the daemon
+    silent_s: float = 0.0  # time since the last State
 
     def _not_live(self) -> Text | None:
         if self.silent_s < SHOWN_SILENCE_S:
             return None
-        text = f" NOT LIVE: nothing for {self.silent_s:.1f} s; all below is what was then"
+        text = f" NOT LIVE: no data for {self.silent_s:.1f} s; all below is from before"
         return Text(text, "bold red")
 
     def _lagging(self) -> Text | None:
         if self.lag_s < SHOWN_LAG_S:
             return None
-        text = f" this picture is {self.lag_s:.1f} s old: the terminal or this machine is too slow"
+        text = f" display is {self.lag_s:.1f} s old: the terminal or this computer is too slow"
         return Text(text, "bold yellow")
 
     def __rich_console__(
@@ -200,7 +199,7 @@ class Dashboard:
 
 
 def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
-    """Picture `[--o--|-----]` of phi between the borders of its gap; o on a border if beyond it."""
+    """Bar `[--o--|-----]` with phi between the edges of its gap; o on an edge if beyond it."""
     if half_gap <= 0.0:
         return Text("no gap".center(2 * half_width + 3), "dim")
     cells = ["[", *("-" * half_width), "|", *("-" * half_width), "]"]
@@ -216,7 +215,7 @@ def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
 
 
 def residual_bar(residual: float, threshold: float, half_width: int, ascii_only: bool) -> Text:
-    """A bar from the middle to the residual; `:` marks the thresholds, half-way to either end."""
+    """Bar from the middle to the residual; `:` marks the thresholds, half-way to either end."""
     full = "#" if ascii_only else "█"
     middle = "|" if ascii_only else "│"
     mark = ":" if ascii_only else "┊"
@@ -233,7 +232,7 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
 
 
 def last_known(state: State) -> str:
-    """Last known state of a daemon that was lost, and what to do where the arm may still move."""
+    """Words on the last known state of an unreachable daemon, with advice if the arm may move."""
     text = f"last known: {state.mode}{', armed' if state.armed else ''}"
     if state.mode == Mode.OFF and not state.unproved:
         return text
@@ -251,12 +250,12 @@ def _headline(state: State, *, stale: bool) -> Text:
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
     line.append(f"   {clock(state.time_s)}   tick {state.tick}")
     if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
-        then = "then it goes on" if state.moving else "then it holds"
+        then = "then it continues" if state.moving else "then it holds"
         if state.moving and state.stream is not None:
             then = f"then it {AFTER_CONTACT[state.stream.after_contact]}"
         line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
     elif state.mode == Mode.RETURNING:
-        line.append("   goes back to its trajectory", "bright_cyan")
+        line.append("   returns to its trajectory", "bright_cyan")
     elif state.moving:
         line.append("   trajectory runs")
     return line

@@ -1,5 +1,5 @@
-"""Path of a lead, worth keeping: a recorded motion, smoothed, without the rests at its ends, and of
-few samples. Loops and pauses stay, as time does. Pure; times (m,) [s], positions (m, k) [rad]."""
+"""Path of a lead: a recorded motion trimmed of rests at its ends, smoothed, and reduced to few
+samples. Loops, pauses and timing stay. Pure; times (m,) [s], positions (m, k) [rad]."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -9,17 +9,17 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from daemon.motion.trajectory_file import slopes
 
-#: Motion that is none, and furthest that the kept samples leave the smoothed way [rad].
+#: Largest displacement that counts as rest, and largest error of the reduced path [rad].
 STILL_RAD: Final = 0.005
 OFF_RAD: Final = 0.001
-#: Length of the window that smooths: what a hand trembles is faster [s].
+#: Length of the smoothing window, which removes tremor of the hand [s].
 SMOOTHS_S: Final = 0.5
 
 
 def led_path(
     times: Sequence[float], positions: Sequence[Sequence[float]]
 ) -> tuple[list[float], list[list[float]]]:
-    """Kept samples of a recorded motion, from time 0 on; none where nothing moved."""
+    """Samples of the path of a recorded motion, from time 0 on; none if nothing moved."""
     t, q = np.array(times), smoothed(np.array(times), np.array(positions))
     away, left = (np.abs(q - end).max(axis=1) > STILL_RAD for end in (q[0], q[-1]))
     if not away.any():
@@ -31,8 +31,8 @@ def led_path(
 
 
 def smoothed(t: Vector, q: Matrix) -> Matrix:
-    """Mean over SMOOTHS_S around each sample, weighted by a raised cosine; the ends go on as they
-    stand."""
+    """Mean over SMOOTHS_S around each sample, weighted by a raised cosine; positions are constant
+    beyond the ends."""
     step = float(np.median(np.diff(t)))
     half = min(round(0.5 * SMOOTHS_S / step), len(t) - 1)
     window = np.hanning(2 * half + 3)[1:-1]
@@ -42,7 +42,8 @@ def smoothed(t: Vector, q: Matrix) -> Matrix:
 
 
 def _kept(t: Vector, q: Matrix) -> list[int]:
-    """Rows that are kept: the worst of each piece is added until all is near enough."""
+    """Rows of the reduced path: the worst row of each spline piece is added until the error is at
+    most OFF_RAD."""
     kept = [0, len(t) - 1]
     while True:
         knots, piece = t[kept], np.clip(np.searchsorted(t[kept], t, "right") - 1, 0, len(kept) - 2)

@@ -1,6 +1,6 @@
-"""Connection to one daemon for asyncio: requests that are answered, and States as they come.
+"""Asyncio connection to one daemon.
 
-`client.py` blocks; here one thread serves many daemons and browsers.
+Unlike the blocking `client.py`, it lets one thread serve many daemons and browsers.
 """
 
 from pathlib import Path
@@ -18,8 +18,7 @@ _replies = msgspec.json.Decoder(Reply)
 
 
 class Link:
-    """One connection. Every method raises UnreachableError where there is no daemon, and none that
-    answers in time."""
+    """One connection. All methods raise UnreachableError if there is no daemon, or on timeout."""
 
     def __init__(self, connection: AsyncConnection) -> None:
         self._connection = connection
@@ -37,13 +36,13 @@ class Link:
         self._connection.close()
 
     async def ask(self, request: Request, timeout_s: float = ANSWER_S) -> Reply:
-        """Send a request and wait for its answer, which may be a refusal. Raises ControlError for
-        an answer that is not understood."""
+        """Send a request and wait for its reply, which may be a refusal. Raises ControlError for a
+        reply that cannot be decoded."""
         packet = await self._connection.exchange(msgspec.json.encode(request), timeout_s)
         return decoded(_replies, packet)
 
 
 async def ask_once(path: Path, request: Request, timeout_s: float = ANSWER_S) -> Reply:
-    """Ask over a connection of its own: nothing that hangs elsewhere delays it."""
+    """Reply to a request over a separate connection, which no hanging request delays."""
     async with await Link.open(path) as link:
         return await link.ask(request, timeout_s)

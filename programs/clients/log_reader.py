@@ -1,4 +1,4 @@
-"""Reader of recordings in MCAP: records, snapshots and States of a file, damaged ones, too."""
+"""Reader of MCAP recordings: records, snapshots and States, also of damaged files."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -31,13 +31,13 @@ DECODERS: dict[type[Snapshot] | type[State], StrictDecoder[Any]] = {
     kind: StrictDecoder(kind) for kind in KINDS.values()
 }
 MAGIC = b"\x89MCAP0\r\n"
-PROGRESS_STATES = 1024  # between two reports of how far a file was read
-BATCH = 32  # States at once; of more, the decoded ones leave the processor's cache
-RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
+PROGRESS_STATES = 1024  # States between two reports of progress
+BATCH = 32  # States per batch; larger ones would not fit into the processor's cache
+RECORD_LIMIT_BYTES = 64 << 20  # keeps a damaged length from claiming all memory
 
 
 class _Format(msgspec.Struct):
-    """Version of a Snapshot, read before anything else of it."""
+    """Version of a Snapshot, read before its other fields."""
 
     format: int = 0
 
@@ -45,12 +45,11 @@ class _Format(msgspec.Struct):
 def read_log(
     path: Path, progress: Callable[[float], None] = lambda share: None
 ) -> Iterator[Snapshot | State]:
-    """Messages of a recording, in order, one at a time; `progress` gets the share of the file that
-    was read, now and then.
+    """Messages of a recording in order; `progress` is called from time to time with the share of
+    the file that was read.
 
-    Raises LogError if `path` cannot be read, is no MCAP file, is no recording of contactd, is of a
-    format that is not read here, or is damaged; of a file that ends in the middle, all whole
-    messages come first.
+    Raises LogError if `path` cannot be read, is no MCAP file, is no recording of contactd, has an
+    unsupported format, or is damaged; all intact messages of a truncated file come first.
     """
     try:
         stream = open_regular(path)
@@ -85,9 +84,9 @@ def read_log(
 def batches(
     path: Path, progress: Callable[[float], None] = lambda share: None
 ) -> Iterator[Snapshot | list[State]]:
-    """Snapshots of a recording, and what lies between them in batches.
+    """Snapshots of a recording, and the States between them in batches.
 
-    Raises LogError like `read_log`, after all that came whole.
+    Raises LogError as `read_log` does, after all intact messages.
     """
     states: list[State] = []
     broken: LogError | None = None
@@ -113,8 +112,8 @@ def read_batches(
     take: Callable[[Snapshot | list[State]], None],
     progress: Callable[[float], None] = lambda share: None,
 ) -> str:
-    """Give `take` all `batches` of a recording; returns why it ends early, empty if it does not.
-    Raises LogError if that comes before any State was taken."""
+    """Pass all `batches` of a recording to `take`; returns why the recording ends early, or empty.
+    Raises LogError if it has no State."""
     taken = False
     try:
         for batch in batches(path, progress):
@@ -130,7 +129,7 @@ def read_batches(
 
 
 def holds_a_state(path: Path) -> bool:
-    """True if a State can be read from a recording, whole or not."""
+    """True if at least one State can be read from a recording, even a damaged one."""
     try:
         return any(isinstance(message, State) for message in read_log(path))
     except LogError:
@@ -138,11 +137,11 @@ def holds_a_state(path: Path) -> bool:
 
 
 def _joints_of(message: Snapshot | State, before: int) -> int:
-    """Number of joints from a message on. Raises BrokenError for a State with another number, or
-    without a Snapshot before it, and for a joint's name that would upset a terminal."""
+    """Number of joints after a message. Raises BrokenError for a State with another number of
+    values, and for a joint's name that is not printable."""
     if isinstance(message, Snapshot):
         if odd := [name for name in message.joints if not name or name != printable(name)]:
-            raise BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
+            raise BrokenError(f"is damaged: {odd[0]!r} is no joint name")
         return len(message.joints)
     for field in PER_JOINT:
         values = getattr(message, field)
@@ -160,20 +159,20 @@ def _refuse_other_format(path: Path, snapshot: bytes) -> None:
 
 
 def _topic(message: Message, topics: Mapping[int, str]) -> str:
-    """Topic of a message. Raises BrokenError if it names a channel that does not exist."""
+    """Topic of a message. Raises BrokenError for an unknown channel."""
     if message.channel_id not in topics:
         raise BrokenError(f"is damaged: no channel {message.channel_id}")
     return topics[message.channel_id]
 
 
 class BrokenError(Exception):
-    """Damage of a file; `read_log` adds how far it was read."""
+    """Error of a damaged file; `read_log` adds how far it was read."""
 
 
 def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterator[Any]:
-    """Records of an MCAP file, one of contactd unless it need not be `ours`.
+    """Records of an MCAP file; with `ours`, only of a recording of contactd.
 
-    Every failure of the library becomes a BrokenError; LogError where it is no such file.
+    Raises BrokenError for any failure of the library, LogError if it is no such file.
     """
     begin = stream.read(len(MAGIC))
     if not begin:
@@ -189,7 +188,7 @@ def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterato
             found = next(records)
         except StopIteration:
             return
-        except Exception as error:  # garbage makes the library raise nearly anything
+        except Exception as error:  # the library raises nearly any exception on garbage
             if stream.tell() >= size:
                 raise BrokenError("ends in the middle") from error
             raise BrokenError(f"is damaged ({error})") from error

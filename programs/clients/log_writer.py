@@ -1,4 +1,4 @@
-"""Writer of recordings in MCAP: the channels that `log_reader` reads, with schemas for viewers."""
+"""Writer of MCAP recordings: the channels that `log_reader` reads, with schemas for viewers."""
 
 from typing import IO
 
@@ -9,8 +9,8 @@ from daemon.protocol.state import Snapshot, State
 from programs.clients.log_reader import KINDS, PROFILE
 from programs.clients.viewer_schema import viewer_schema
 
-# Lost at most when the process is killed: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
-# are 3 to 9 % larger than with 512 kB, at no more CPU time.
+# If the process is killed, a chunk is lost: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
+# are 3 to 9 % larger than with 512 kB, with equal CPU time.
 CHUNK_BYTES = 64 * 1024
 
 
@@ -23,12 +23,12 @@ class LogWriter:
         self._channels = {kind: self._channel(topic, kind) for topic, kind in KINDS.items()}
 
     def write(self, kind: type[Snapshot | State], data: bytes, wall_s: float) -> None:
-        """Write a message, encoded, of this time of day [s]."""
+        """Write an encoded message with Unix time wall_s [s]."""
         time_ns = round(wall_s * 1e9)
         self._writer.add_message(self._channels[kind], time_ns, data, time_ns)
 
     def finish(self) -> None:
-        """Write what the end of such a file needs."""
+        """Write the footer of the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _channel(self, topic: str, kind: type) -> int:

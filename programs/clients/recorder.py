@@ -1,8 +1,8 @@
-"""Recordings: the daemon's stream as an MCAP file, and back.
+"""Recorder of the daemon's stream to an MCAP file.
 
-Channel `/state` has one message per tick, its bytes as the daemon sent them, so that a replay sees
-every bit; channel `/snapshot` has their context, once at the start and again after every gap.
-Foxglove and PlotJuggler open such files.
+Channel `/state` has one message per tick, with the bytes that the daemon sent, so that a replay can
+be bit-identical; channel `/snapshot` has the context, at the start and after every gap. Foxglove
+and PlotJuggler can open such files.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class Recording:
     states: int
     lost: int
     snapshots: int
-    ended: str  # empty if it ended as asked, else why not
+    ended: str  # why it ended early, or empty
 
     def __str__(self) -> str:
         again = f", {self.snapshots} snapshots" if self.snapshots > 1 else ""
@@ -57,13 +57,13 @@ def record(
     stop: Callable[[], bool] = lambda: False,
     begun: Callable[[], None] = lambda: None,
 ) -> Recording:
-    """Write the daemon's stream to `path` until `stop()`, `seconds` have passed, or it ends.
-    `begun` is called once the recording has begun.
+    """Write the daemon's stream to `path` until `stop()`, for `seconds`, or until it ends. `begun`
+    is called once the recording has begun.
 
-    Where ticks are missing, it subscribes anew and writes a new snapshot. Whatever ends it, the
-    file is finished properly; where the disk ends it, it holds what was recorded until then, and an
-    empty one is removed. Raises LogError if `path` exists or cannot be written, ControlError
-    if there is no daemon to begin with.
+    After missing ticks it subscribes again and writes a new snapshot. The file is always finished
+    properly; if the disk is full, it keeps what was recorded, or is removed if that is nothing.
+    Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon at the
+    start.
     """
     refuse_unless_new(path)
     client = connect()
@@ -92,7 +92,7 @@ def _follow(
     seconds: float | None,
     stop: Callable[[], bool],
 ) -> str:
-    """Feed `log`; returns why the daemon ended it, empty if it did not."""
+    """Write the stream to `log`; returns why the daemon ended it, or empty."""
     decoder = msgspec.json.Decoder(_Stamp)
     first = client
     try:
@@ -109,7 +109,7 @@ def _follow(
     except UnreachableError as error:
         return str(error)
     except msgspec.DecodeError as error:
-        return f"the daemon speaks another version: {error}"
+        return f"the daemon has another version: {error}"
     finally:
         if client is not first:
             client.close()
@@ -117,7 +117,7 @@ def _follow(
 
 
 class _StreamWriter:
-    """Writer of the stream: a snapshot waits for its first State, whose time it shares."""
+    """Writer of the stream; a snapshot is held back until its first State, whose time it gets."""
 
     def __init__(self, stream: IO[bytes], snapshot: Snapshot) -> None:
         self._stream = stream
@@ -136,14 +136,14 @@ class _StreamWriter:
         return self._last.time_s - self._first.time_s
 
     def is_gap(self, tick: int) -> bool:
-        """True if ticks are missing before `tick`, and no snapshot waits to make up for them."""
+        """True if ticks are missing before `tick`, and no new snapshot is pending."""
         return self._pending is None and self._last is not None and tick > self._last.tick + 1
 
     def snapshot(self, snapshot: Snapshot) -> None:
         self._pending = snapshot
 
     def state(self, packet: bytes, stamp: _Stamp) -> None:
-        """Write one State as it came; skip one that is older than the last or than its snapshot."""
+        """Write one State; skip it if it is not newer than the last one and the snapshot."""
         newest = -1 if self._last is None else self._last.tick
         if self._pending is not None:
             newest = max(newest, self._pending.tick)
@@ -158,7 +158,7 @@ class _StreamWriter:
         self.states += 1
         if self._last is not None:
             self.lost += stamp.tick - self._last.tick - 1
-        self._stream.flush()  # has work to do once per chunk
+        self._stream.flush()  # writes only once per chunk
         self._first = self._first or stamp
         self._last = stamp
 

@@ -1,4 +1,4 @@
-"""Reload: have the daemon read its files anew, and wait until it runs by them."""
+"""Reload of the daemon's files, with a wait until it runs again."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -8,21 +8,21 @@ from daemon.protocol.replies import Status
 from programs.clients.client import Client
 from programs.clients.waiting import asked_until
 
-# As long as a start may take: all drives are set up.
+# Timeout of a start, in which all drives are set up.
 START_S = 60.0
 
 
 def reload(path: Path | None = None) -> Status:
-    """Status of the daemon at this socket once it runs by its files as they are now, off, and hears
-    its drives. Every connection to it ends meanwhile.
+    """Make the daemon at this socket reload its files; returns its Status once it runs with them,
+    in mode off, and receives from its drives. All connections to it end meanwhile.
 
-    Raises ControlError where it is refused, or where the files, or the drives as these say, are not
-    taken up, with the reason; UnreachableError if the daemon does not come back.
+    Raises ControlError with the reason if this is refused, or if the files are invalid or the
+    drives cannot be set up with them; UnreachableError if the daemon does not come back.
     """
     with Client(path, START_S) as client:
         client.demand("reload")
         with suppress(HungUpError):
-            client.packet()  # there is none: the daemon hangs up when it has ended its run
+            client.packet()  # none comes: the daemon hangs up once it has ended its run
     found = wait_for_start(path)
     if found.not_taken_up:
         raise ControlError(f"not taken up: {found.not_taken_up}")
@@ -30,7 +30,7 @@ def reload(path: Path | None = None) -> Status:
 
 
 def wait_for_start(path: Path | None = None) -> Status:
-    """Status of a daemon that hung up, once it has begun anew and hears its drives: it listens all
-    the time, and answers then. Raises UnreachableError if it does not come back."""
+    """Status of a daemon that hung up, once it has restarted and receives from its drives; it
+    accepts connections meanwhile. Raises UnreachableError if it does not come back."""
     with Client(path, START_S) as client:
         return asked_until(client.ask_status, lambda status: bool(status.drives), START_S)

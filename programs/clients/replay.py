@@ -1,6 +1,6 @@
-"""Replay of a recording: the estimator on its samples again, compared with it bit by bit.
+"""Replay of a recording: runs the estimator over its samples and compares the results bit by bit.
 
-In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
+Batches of consecutive States are decoded, converted to arrays, stepped through, and compared.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,30 +18,30 @@ from programs.clients.columns import Columns, Layout, first_difference
 from programs.clients.log_reader import read_batches
 
 SAME_ESTIMATOR = 7
-"""Format from which on the estimator computes what it does now: those before believed something
-else of friction near rest, or learned otherwise."""
+"""First format whose estimator computes the same as the present one; earlier ones differed in
+friction near rest, or in learning."""
 
 _UNKNOWN: Final = object()  # payload before the first State
 
 
 def same_estimator(snapshot: Snapshot) -> bool:
-    """True if the present estimator goes on from the snapshot's memory, or would with it."""
+    """True if the present estimator can continue from memory of the snapshot's format."""
     return snapshot.format >= SAME_ESTIMATOR
 
 
 def incomparable(snapshot: Snapshot) -> str:
-    """Reason why nothing after such a snapshot is compared; follows the file's name."""
+    """Reason, to follow the file's name, why States after this snapshot cannot be compared."""
     if not snapshot.memory:
-        return "is made of the frames of a black box: there was no estimate to compare with"
+        return "was made from frames of a black box: there is no estimate to compare with"
     return (
-        f"is of format {snapshot.format}, by {snapshot.program}, whose estimator computed "
-        "something else: replay it with that version"
+        f"is of format {snapshot.format}, by {snapshot.program}, whose estimator was a different "
+        "one: replay it with that version"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """First field that came out different."""
+    """First field that differs."""
 
     tick: int
     field: str
@@ -54,15 +54,15 @@ class Replay:
     """Result of a replay: states compared, stretches without a gap, and the first difference."""
 
     states: int
-    skipped: int  # after a gap, before the next snapshot
+    skipped: int  # States after a gap, before the next snapshot
     stretches: int
     difference: Difference | None
-    broken: str  # reason why the recording ends early; empty if it is whole
-    older: str = ""  # reason why nothing is compared; empty if it can be
+    broken: str  # why the recording ends early, or empty
+    older: str = ""  # why nothing can be compared, or empty
 
     @property
     def identical(self) -> bool:
-        """Every state was compared and came out the same, bit by bit."""
+        """True if States were compared and all were bit-identical."""
         return self.difference is None and self.states > 0
 
 
@@ -71,11 +71,11 @@ def replay(
     heed: Callable[[Snapshot | list[State]], None] = lambda batch: None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Replay:
-    """Compare every State of `path` with what the present estimator makes of its samples.
+    """Compare the States of `path` with the present estimator's results on their samples.
 
-    `heed` gets all that is read. Of an estimator that computed something else nothing is compared.
-    Raises LogError if there is nothing to read; a recording that breaks off is compared up to
-    there.
+    `heed` is called with all that is read. Nothing is compared if another version of the estimator
+    made the recording. Raises LogError if there is nothing to read; a truncated recording is
+    compared as far as it is intact.
     """
     run = _Run(path)
 
@@ -92,14 +92,14 @@ def replay(
 
 
 def alike(states: list[State]) -> Iterator[list[State]]:
-    """Stretches of the States with one payload, in which something is learned, or nothing."""
+    """Runs of States with one payload, and with learning either on or suspended."""
     for _, same in groupby(states, lambda state: (state.payload, state.recognised is None)):
         yield list(same)
 
 
 def resets(mode: str, states: list[State]) -> frozenset[int]:
-    """Rows at which the arm begins to hold, `mode` before them: the tick resets its estimator
-    then."""
+    """Rows at which the mode changes from enabling to holding, when the daemon resets its
+    estimator; `mode`: that before the first row."""
     modes = [mode, *(state.mode for state in states)]
     changes = enumerate(pairwise(modes))
     return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
@@ -122,7 +122,7 @@ class _Run:
         if self.older or not same_estimator(snapshot) or not snapshot.memory:
             self.older = self.older or incomparable(snapshot)
             return
-        # These load pinocchio:
+        # These imports load pinocchio.
         from daemon.assembly import build_estimator  # noqa: PLC0415
         from daemon.config.dynamics import model_of  # noqa: PLC0415
 
@@ -149,13 +149,13 @@ class _Run:
         self.stretches += 1
 
     def compare(self, states: list[State]) -> None:
-        whole = self._without_gap(states)
-        self.skipped += len(states) - len(whole)
-        if self._estimator is not None and whole:
-            for same in alike(whole):
+        gapless = self._without_gap(states)
+        self.skipped += len(states) - len(gapless)
+        if self._estimator is not None and gapless:
+            for same in alike(gapless):
                 self._step(self._estimator, same)
-        if len(whole) < len(states):
-            # The estimator's memory of the gap is lost until the next snapshot.
+        if len(gapless) < len(states):
+            # After a gap the estimator's memory is unknown until the next snapshot.
             self._estimator = None
 
     def _step(self, estimator: Estimator, states: list[State]) -> None:
@@ -172,7 +172,7 @@ class _Run:
             self.difference = self._first_difference(states, self._layout.replayed(made))
 
     def _without_gap(self, states: list[State]) -> list[State]:
-        """The States that follow on the last one, up to the first gap."""
+        """States that follow the last one, up to the first gap."""
         if self._estimator is None:
             return []
         steps = zip(states, range(self._tick + 1, self._tick + 1 + len(states)), strict=True)

@@ -1,4 +1,4 @@
-"""Sensing of contact, in words for a person: which joints do not sense now, and since when."""
+"""Words on the sensing of contact: which joints do not sense now, and since when."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,12 @@ from daemon.protocol.replies import Status
 from daemon.protocol.state import State
 
 LOST = 0.01
-"""Share of lost samples from which on it is shown."""
+"""Share of lost samples from which on they are shown."""
 
 
 def not_sensing(shown: State | Status, joints: Sequence[str]) -> str:
-    """Joints that do not sense contact now and for how long, in one line; empty if all do, and
-    where it is not known."""
+    """Joints that do not sense contact now, and for how long, in one line; empty if all do, or if
+    this is unknown."""
     if shown.sensing is None or shown.sensing_since_s is None:
         return ""
     by_time: dict[str, list[str]] = {}
@@ -29,18 +29,18 @@ def not_sensing(shown: State | Status, joints: Sequence[str]) -> str:
 
 
 def sensing_for_s(shown: State | Status) -> float | None:
-    """For how long every joint has sensed contact [s]; None if one does not, where it is not known,
-    and in modes in which no contact counts."""
+    """Time for which all joints have sensed contact [s]; None if one does not, if this is unknown,
+    or in a mode without sensing."""
     if not shown.sensing or not all(shown.sensing) or Mode(shown.mode) not in SENSING:
         return None
     return _now_s(shown) - max(shown.sensing_since_s or [0.0])
 
 
 def lost_samples(status: Status) -> str:
-    """Shares of their samples that joints lost of late, from 1 % on; empty if there are none."""
+    """Recent shares of lost samples by joint, from 1 % on; empty if there are none."""
     lost = zip(status.joints, status.lost or [], strict=False)
     many = [f"{joint} {share:.0%}" for joint, share in lost if share >= LOST]
-    return f"lost of late: {', '.join(many)}" if many else ""
+    return f"lost recently: {', '.join(many)}" if many else ""
 
 
 def _now_s(shown: State | Status) -> float:

@@ -1,4 +1,4 @@
-"""Smallest contacts that are detected, in words: a table of the joints, and the tool."""
+"""Words on the smallest detectable contacts: a table of the joints, and the tool."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,8 @@ _ALONG_AN_AXIS = 0.98  # cosine of 11 degrees
 
 
 def sensitivity_lines(smallest: Sensitivity) -> list[str]:
-    """Smallest detected contact, joint by joint and at the tool, in motion and at rest."""
+    """Lines on the smallest detectable contact of each joint and at the tool, in motion and at
+    rest."""
     width = max(len(name) for name in (*smallest.joints, "smallest touch"))
     lines = [f"{'smallest touch':{width}}  in motion    at rest"]
     for name, moving, resting in zip(
@@ -41,9 +42,9 @@ def _in_words(force: ToolForce) -> str:
 
 
 def along(direction: Sequence[float]) -> str:
-    """A direction in words: the axis of the base that it follows, or its three components."""
+    """Direction in words: the base axis that it nearly follows, or its three components."""
     for axis, part in zip(AXES, direction, strict=True):
         if abs(part) > _ALONG_AN_AXIS:
             return axis
-    sign = -1.0 if max(direction, key=abs) < 0.0 else 1.0  # either way is as good
+    sign = -1.0 if max(direction, key=abs) < 0.0 else 1.0  # both signs mean the same
     return "(" + " ".join(f"{round(sign * part, 1) + 0.0:.1f}" for part in direction) + ")"

@@ -1,4 +1,4 @@
-"""Report of `contactctl status` for a person, as rich renderables made of the message alone."""
+"""Report of `contactctl status`, as rich renderables that depend on the message alone."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from programs.clients.styles import (
 from programs.clients.user_names import user_name
 from programs.clients.wrench import wrench_words
 
-SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
+SHARE = "share: in force of the configured level, lowered by learning; 100% while in doubt"
 
 
 def status_head(status: Status) -> Table:
@@ -40,14 +40,14 @@ def status_head(status: Status) -> Table:
         table.add_row("", doubt)
     if words := not_sensing(status, status.joints):
         table.add_row("", Text(words, "bold red"))
-    table.add_row("cause", Text(_cause(status)))  # Text: brackets in it are no rich markup
+    table.add_row("cause", Text(_cause(status)))  # Text keeps brackets from being rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
     return table
 
 
 def status_report(status: Status, socket: Path | None = None, point: str = "") -> RenderableType:
-    """Report of `contactctl status`, of the daemon at this control socket; point: of contact."""
+    """Complete report on the daemon at this control socket; point: point of contact in words."""
     table = status_head(status)
     table.add_row(*_arming(status))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
@@ -92,7 +92,7 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
 
 
 def _hand(table: Table, status: Status) -> None:
-    """Rows of how a hand leads the arm, and of what that carries."""
+    """Add the rows on guide and payload."""
     if status.guide.guides:
         table.add_row("guide", Text(str(status.guide)))
     if status.hand:
@@ -102,7 +102,7 @@ def _hand(table: Table, status: Status) -> None:
 
 
 def _changed(status: Status) -> str:
-    """Files that differ from those it runs by, and when they are taken up."""
+    """Words on files that differ from those in use, and when they are taken up."""
     if status.not_taken_up:
         return f"not taken up: {status.not_taken_up}"
     names = ", ".join(status.changed)
@@ -110,7 +110,7 @@ def _changed(status: Status) -> str:
 
 
 def _permission(status: Status) -> Text:
-    """Permission: armed or not, by whom and for how long."""
+    """Words on whether the arm is armed, by which user, and for how long."""
     if not status.armed:
         ended = f": {status.disarmed}{_ago(status, status.disarmed_s)}" if status.disarmed else ""
         return Text(f"not armed{ended}")
@@ -118,18 +118,18 @@ def _permission(status: Status) -> Text:
     if permit := status.permit:
         user = user_name(permit.uid)
         behalf = f" on behalf of {permit.on_behalf_of}" if permit.on_behalf_of else ""
-        more = "" if permit.detached else ", while its program says so"
+        more = "" if permit.detached else ", while its program renews it"
         left = in_words(permit.left_s)
         text.append(f" by {user} (pid {permit.pid}){behalf} for another {left}{more}", "not bold")
     return text
 
 
 def _arming(status: Status) -> tuple[str, Text]:
-    """Checks before arming, those that passed by their names; of an armed arm only those against
-    arming it anew."""
+    """Label and words on the checks before arming; for an armed arm, only checks that would refuse
+    arming again."""
     if status.armed:
         against = [f"{check.name}: {check.text}" for check in status.checks if not check.passed]
-        return "to arm anew", Text("\n".join(against) or "every check passes")
+        return "to arm again", Text("\n".join(against) or "all checks pass")
     lines = [Text(str(check), "yellow") for check in status.checks if not check.passed]
     if passed := [check.name for check in status.checks if check.passed]:
         lines.append(Text(f"passed  {', '.join(passed)}"))
@@ -137,19 +137,19 @@ def _arming(status: Status) -> tuple[str, Text]:
 
 
 def _grants(grants: list[Grant]) -> Text:
-    """Grants achieved, then a line for each that was not."""
+    """Real-time settings that were achieved, then a line for each that was not."""
     achieved = ", ".join(grant.text for grant in grants if grant.achieved)
     lacking = [Text(grant.text, "yellow") for grant in grants if not grant.achieved]
     return Text("\n").join([*([Text(achieved)] if achieved else []), *lacking])
 
 
 def _cause(status: Status) -> str:
-    """Cause of the mode, and how long ago it was: it may be over since."""
+    """Cause of the mode, and how long ago it occurred, as it may be over."""
     return status.cause if status.since_s is None else status.cause + _ago(status, status.since_s)
 
 
 def _ago(status: Status, then_s: float) -> str:
-    """Age of a moment, in brackets."""
+    """Time since a moment, in brackets."""
     ago_s = max(status.uptime_s - then_s, 0.0)
     units = ((7200.0, 3600.0, "h"), (120.0, 60.0, "min"))
     size, unit = next(((size, unit) for least, size, unit in units if ago_s >= least), (1.0, "s"))
@@ -157,7 +157,7 @@ def _ago(status: Status, then_s: float) -> str:
 
 
 def _levels(status: Status) -> list[str]:
-    """Configured contact levels, the least of each and the shares in force, below a header."""
+    """Table of configured contact levels, their lower bounds and the shares in force."""
     rows = zip(status.contact, status.least, status.level_share, strict=False)
     lines = [f"{level:7.2f} Nm {least:5.2f} Nm {share:6.0%}" for level, least, share in rows]
     return ["configured    least  share", *lines] if lines else []
@@ -167,18 +167,18 @@ def _trajectory(trajectory: Trajectory, stream: StreamState | None) -> str:
     if not trajectory.name:
         return "none configured: `contactctl start FILE.csv` runs one"
     words = {
-        "ready": "would begin with `contactctl start`",
+        "ready": "begins with `contactctl start`",
         "running": "runs",
-        "interrupted": "goes on once the arm is released",
-        "paused": "paused: `contactctl start` goes on with it, `contactctl stop` forgets it",
+        "interrupted": "continues once the arm is released",
+        "paused": "paused: `contactctl start` continues it, `contactctl stop` discards it",
     }
     end = "" if trajectory.duration_s is None else f" of {trajectory.duration_s:.1f}"
     begun = trajectory.time_s > 0.0 or trajectory.duration_s is not None
     at = "" if trajectory.state == "ready" or not begun else f" at {trajectory.time_s:.1f}{end} s"
     if trajectory.attended:
-        words["paused"] = "paused, and forgotten when the program that began it ends"
+        words["paused"] = "paused, and discarded when the program that started it ends"
     if stream is not None:
-        words["paused"] = "paused: `contactctl start` goes on with it"
+        words["paused"] = "paused: `contactctl start` continues it"
         words["interrupted"] = f"{AFTER_CONTACT[stream.after_contact]} once the arm is released"
     return f"{trajectory.name}{at}: {words[trajectory.state]}"
 
@@ -188,7 +188,7 @@ def _joints(status: Status) -> RenderableType:
     for name in ("joint", "rad", "Nm", "of", "side", "age", "drive"):
         justify = "right" if name in {"rad", "Nm", "of", "age"} else "left"
         table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    # Before the first samples there are joints, but nothing known about them.
+    # Before the first samples, nothing but the joints' names is known.
     rows = zip(
         status.joints,
         status.link_position,

@@ -1,7 +1,7 @@
-"""Stop and disarm from elsewhere, with confirmation of standstill, independent of the stream.
+"""Stop and disarm from another computer, with confirmation of standstill.
 
-Over a connection of its own, so that it works while the picture is stale. Within a second a person
-knows: the arm stands, or was not reached, or is not confirmed at standstill yet.
+A separate connection makes it independent of the stream, which may be stale. The outcome is known
+within a second: the arm stands, was not reached, or is not confirmed at standstill yet.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from daemon.protocol.replies import Reply
 from daemon.protocol.requests import GetStatus, bare
 from programs.clients.link import Link
 
-WITHIN_S: Final = 0.8  # of the second that a person waits: the network takes the rest
+WITHIN_S: Final = 0.8  # part of the second; the network takes the rest
 _LOOKS_EVERY_S: Final = 0.05
 STANDS: Final = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 Command = Literal["stop", "disarm"]
@@ -32,9 +32,9 @@ class Stopped(msgspec.Struct, frozen=True):
 
 
 async def carry_out(path: Path, command: Command, on_behalf_of: str) -> Stopped:
-    """Send it through the view socket, and watch until the arm stands."""
+    """Send the command through the view socket, and poll until the arm stands."""
     request = bare(command, on_behalf_of)
-    last: Reply | None = None  # the first is the command's own, and shows that it was reached
+    last: Reply | None = None  # first the command's own reply, which shows that it arrived
     try:
         async with asyncio.timeout(WITHIN_S), await Link.open(path) as link:
             reply = await link.ask(request, WITHIN_S)
@@ -53,7 +53,7 @@ async def carry_out(path: Path, command: Command, on_behalf_of: str) -> Stopped:
 
 
 def _done(command: Command, reply: Reply) -> bool:
-    """True if nothing is left to wait for. A disarmed arm may go on with its trajectory."""
+    """True if there is nothing more to wait for. A disarmed arm may continue its trajectory."""
     if command == "disarm" and not reply.unproved and reply.mode != Mode.STOPPING:
         return True
     return _stands(reply)
@@ -64,7 +64,7 @@ def _stands(reply: Reply) -> bool:
 
 
 def _as_reply(reply: Reply) -> Reply:
-    """Mode and doubts of a Status, in the form of a stop's own reply."""
+    """Reply to a stop made from the mode and unproved joints of a Status."""
     status = reply.status
     if status is None:
         return reply

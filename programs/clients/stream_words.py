@@ -1,4 +1,4 @@
-"""Stream of targets in words for a person: its phase and quality, on one line each."""
+"""Words on a stream of targets: its phase and quality, one line each."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from daemon.protocol.state import StreamState
 PHASES = {
     "joining": "the arm goes slowly to the stream",
     "following": "the arm follows",
-    "stalled": "no target comes: the arm stands",
+    "stalled": "no targets arrive: the arm stands",
     "waiting": "the arm stands until the stream is within 0.05 rad of it",
     "interrupted": "the arm yields to a contact",
     "paused": "the arm holds until `contactctl start`",
@@ -17,13 +17,13 @@ AFTER_CONTACT = {"hold": "waits for the stream", "rejoin": "goes slowly back to 
 
 
 def phase_in_words(stream: StreamState) -> str:
-    """Phase of the arm on a stream, in one line that stays while the phase does."""
+    """Phase of a stream in one line, which only changes with the phase."""
     return f"{stream.phase}: {PHASES[stream.phase]}"
 
 
 def quality_in_words(stream: StreamState, q: Sequence[float]) -> str:
-    """Distance of the arm, at q (n,) [rad], from the newest target; rate, age, jitter and losses of
-    the stream, in one line."""
+    """Largest distance of the arm, at q (n,) [rad], from the newest target; rate, age, jitter and
+    losses of the stream, in one line."""
     behind = max((abs(a - b) for a, b in zip(stream.target, q, strict=False)), default=0.0)
     rate = "" if stream.rate_hz is None else f"{stream.rate_hz:.0f} Hz, "
     counts = {

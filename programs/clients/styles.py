@@ -1,4 +1,4 @@
-"""Styles and words that the dashboard and the status report share."""
+"""Styles and words shared by the dashboard and the status report."""
 
 from rich.text import Text
 
@@ -22,12 +22,12 @@ SIDE_STYLES = {"gap": "cyan", "left": "", "right": "", "unknown": "yellow"}
 
 
 def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
-    """Joints of a faulted arm that are not confirmed at standstill; empty without any."""
+    """Words on joints of a faulted arm that are not confirmed at standstill; empty if none."""
     lines = []
     if shown.mode == Mode.FAULTED and shown.unproved:
         lines.append(f"{indent}not seen to stand: {', '.join(shown.unproved)}")
     if shown.mode == Mode.FAULTED and shown.silenced:
-        lines.append(f"{indent}silent until reset: the drives hear nothing of contactd")
+        lines.append(f"{indent}silent until reset: contactd sends nothing to the drives")
     return Text("\n".join(lines), "bold red")
 
 
@@ -39,17 +39,17 @@ def strain_style(residual: float, threshold: float) -> str:
 
 
 OPERATING = ("operation enabled", "enabled", "running")
-"""States of drives under power, by the names that each make has."""
+"""States of energised drives, as named by each make."""
 
 
 def drive_text(name: str) -> Text:
-    """State of a drive: green in operation, red in fault, else yellow."""
+    """Drive state, green in operation, red in fault, else yellow."""
     styles = dict.fromkeys(OPERATING, "green") | {"fault": "bold red"}
     return Text(name, styles.get(name, "yellow"))
 
 
 def clock(seconds: float) -> str:
-    """A time as h:mm:ss.s."""
+    """Duration as h:mm:ss.s."""
     minutes, rest = divmod(seconds, 60.0)
     hours, minutes = divmod(int(minutes), 60)
     return f"{hours}:{minutes:02d}:{rest:04.1f}"

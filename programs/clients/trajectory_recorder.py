@@ -1,7 +1,7 @@
 """Recorder of trajectories: joint positions as a CSV file that `contactctl start` runs.
 
-Lead the arm by hand, and let it do the same again. Recorded are the motors' positions at the link
-side: a link that falls from one side of its gap to the other does what no motor can repeat.
+An arm is taught by leading it. Motor positions at the link side are recorded, as no motor could
+repeat the motion of a link that falls from one side of its gap to the other.
 """
 
 import csv
@@ -16,8 +16,8 @@ from daemon.protocol.state import State
 from programs.clients.client import Client
 from programs.clients.truncated import holds_a_row, truncated
 
-# Each sample is the mean over this time [s]: short enough for a hand, and long enough that an
-# encoder's last digit makes no acceleration.
+# Averaging time of a sample [s]: short for a hand's motion, but long enough that the encoder's
+# resolution does not appear as acceleration.
 SAMPLE_S = 0.05
 
 
@@ -28,7 +28,7 @@ class Recorded:
     path: str
     duration_s: float
     samples: int
-    ended: str  # empty if it ended as asked, else why not
+    ended: str  # why it ended early, or empty
 
     def __str__(self) -> str:
         return f"{self.duration_s:.1f} s, {self.samples} samples"
@@ -43,12 +43,12 @@ def record_trajectory(
     until: Callable[[State], bool] = lambda _: False,
     begun: Callable[[], None] = lambda: None,
 ) -> Recorded:
-    """Write motor positions, at the link [rad], of all joints to a new CSV file until `stop()`,
-    `until` a State, `seconds` have passed, it is as long as a trajectory may be, or no daemon is.
-    `begun` is called once the recording has begun.
+    """Write the motor positions of all joints, at the link [rad], to a new CSV file until `stop()`
+    or `until(state)` is true, for `seconds`, up to the maximum length of a trajectory, or until the
+    daemon ends. `begun` is called once the recording has begun.
 
-    Raises LogError if `path` exists or cannot be written (then it holds whole rows, or is gone),
-    ControlError if there is no daemon to begin with.
+    Raises LogError if `path` exists or cannot be written (it then keeps complete rows, or is
+    removed), ControlError if there is no daemon at the start.
     """
     refuse_unless_new(path)
     ended, samples, first_s, last_s = "", 0, 0.0, 0.0

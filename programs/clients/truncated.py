@@ -1,4 +1,4 @@
-"""Truncated recording, such as by a full disk: what is left of it."""
+"""Handling of a recording that was cut short, such as by a full disk."""
 
 import stat
 from collections.abc import Callable
@@ -9,8 +9,8 @@ from common.errors import LogError
 
 
 def truncated(path: Path, error: OSError, holds_any: Callable[[Path], bool]) -> LogError:
-    """Error of a recording into the new file `path`, which states whether anything is in it. A file
-    in which `holds_any` finds nothing recorded is removed."""
+    """Error for a recording to the new file `path`, which states whether anything was recorded. The
+    file is removed if `holds_any` finds nothing in it."""
     why = f"cannot write {path}: {error.strerror or error}"
     if holds_any(path):
         return LogError(f"{why}; it holds what was recorded until then")
@@ -21,11 +21,11 @@ def truncated(path: Path, error: OSError, holds_any: Callable[[Path], bool]) -> 
 
 
 def holds_a_row(path: Path) -> bool:
-    """True if a CSV file has a whole row below its head; half a row at its end is cut off."""
+    """True if a CSV file has a complete row below its header; truncates an incomplete last row."""
     try:
         with path.open("r+b") as stream:
             text = stream.read()
             stream.truncate(text.rfind(b"\n") + 1)
     except OSError:
-        return True  # not known, so it stays
+        return True  # unknown, so the file is kept
     return text.count(b"\n") > 1

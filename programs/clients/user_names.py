@@ -1,10 +1,10 @@
-"""Names of users by their ids, for people who read who armed."""
+"""Names of users by their IDs, to show which user armed."""
 
 import pwd
 
 
 def user_name(uid: int) -> str:
-    """Name of a user of this machine; `uid N` where it has none."""
+    """Name of a user of this computer; `uid N` if it has none."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

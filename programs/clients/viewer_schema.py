@@ -1,4 +1,4 @@
-"""JSON schemas of recorded messages, as plain as the simplest viewers need them."""
+"""JSON schemas of recorded messages, simplified for viewers."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ def viewer_schema(kind: type) -> dict[str, Any]:
     """JSON schema of `kind` in the form that the simplest viewers need.
 
     The root is an object, every node has one `type`, every object has `properties`, and there is no
-    `$ref`. What may be null is described by what it is otherwise.
+    `$ref`. A nullable value has the schema of its other type.
     """
     (schema,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
 

@@ -1,4 +1,4 @@
-"""Waiting for a daemon's answer: asked again until it is the one, or patience ends."""
+"""Polling of a daemon until it gives the expected answer, or a timeout."""
 
 import time
 from collections.abc import Callable
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def asked_until(ask: Callable[[], T], reached: Callable[[T], bool], patience_s: float) -> T:
-    """First answer to `ask` of which `reached` is true, or the last one once patience [s] ended."""
+    """First answer to `ask` for which `reached` is true, or the last one on timeout [s]."""
     deadline = time.monotonic() + patience_s
     while not reached(found := ask()) and time.monotonic() < deadline:
         time.sleep(POLL_S)
@@ -20,8 +20,8 @@ def asked_until(ask: Callable[[], T], reached: Callable[[T], bool], patience_s: 
 
 
 def reset(client: Client, patience_s: float) -> Reply:
-    """Reply to `reset`, which is asked again while the only reason against it is that the arm is
-    not confirmed at standstill yet: it is often asked for in the moment of the fault."""
+    """Reply to `reset`, which is repeated while it is refused because the arm is not confirmed at
+    standstill yet, as is common just after a fault."""
 
     def ask() -> Reply:
         return client.request("reset")

@@ -1,4 +1,4 @@
-"""Force at the tool in words: how much, how sure, which way, and what is not seen."""
+"""Words on the force at the tool: norm, confidence, direction, and unobservable directions."""
 
 from collections.abc import Sequence
 from math import hypot, sqrt
@@ -15,7 +15,7 @@ _ELSEWHERE = "not one force at the tool: elsewhere, or two"
 
 
 def wrench_words(wrench: Wrench, frame: str) -> str:
-    """`18 N +- 4, towards -z of FRAME; along y not seen`."""
+    """Words such as `18 N +- 4, towards -z of FRAME; along y not seen`."""
     unseen = f"along {' and '.join(map(along, wrench.unseen))} not seen" if wrench.unseen else ""
     size = hypot(*wrench.force)
     if size == 0.0:
@@ -29,12 +29,12 @@ def wrench_words(wrench: Wrench, frame: str) -> str:
 
 
 def force_words(force: Sequence[float], frame: str, bound: str = "") -> str:
-    """`18 N, towards -z of FRAME`, of a force (3,) [N] that is not zero."""
+    """Words such as `18 N, towards -z of FRAME` for a non-zero force (3,) [N]."""
     return f"{hypot(*force):.0f} N{bound}, towards {_towards(_unit(force))} of {frame}"
 
 
 def bound_N(wrench: Wrench, way: list[float]) -> float:
-    """Half of the 95 % interval of the force along a direction (3,) [N]."""
+    """Half-width of the 95 % confidence interval of the force along a unit vector (3,) [N]."""
     xx, xy, xz, yy, yz, zz = wrench.covariance
     x, y, z = way
     variance = xx * x * x + yy * y * y + zz * z * z
@@ -43,7 +43,7 @@ def bound_N(wrench: Wrench, way: list[float]) -> float:
 
 
 def most_aside_N(wrench: Wrench, way: list[float]) -> float:
-    """The same of the direction across it that is least known [N]."""
+    """Largest such half-width among directions perpendicular to a unit vector (3,) [N]."""
     least = min(range(3), key=lambda axis: abs(way[axis]))
     x, y, z = way
     axis = [float(k == least) for k in range(3)]

@@ -1,1 +1,1 @@
-"""Command lines: options, questions, sentences and output that several programs share."""
+"""Options, questions, sentences and output shared by several command lines."""

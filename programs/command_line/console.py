@@ -1,5 +1,5 @@
-"""Console for tables of commands: a terminal, or a file or pipe with columns enough for them and no
-blanks at the ends of lines, which a terminal behind it would wrap."""
+"""Console for the tables of commands: on a terminal, or on a file or pipe, with a fixed width and
+without trailing blanks, which a terminal behind a pipe would wrap."""
 
 import errno
 import os
@@ -14,7 +14,7 @@ _FILLED_UP = re.compile(r" +(?=\n)")
 
 
 def on_stdout(width: int = FOR_PIPES) -> Console:
-    """Console on stdout, where it is no terminal in $COLUMNS or else `width` columns."""
+    """Console on stdout; unless that is a terminal, of $COLUMNS or else `width` columns."""
     if sys.stdout.isatty():
         return _StrictConsole()
     asked = os.environ.get("COLUMNS", "")
@@ -23,7 +23,7 @@ def on_stdout(width: int = FOR_PIPES) -> Console:
 
 
 class _StrictConsole(Console):
-    """Console that raises for a closed pipe: the library's own ends the program with status 1."""
+    """Console that raises for a closed pipe, where the library would exit with status 1."""
 
     def on_broken_pipe(self) -> None:
         """Raise BrokenPipeError."""
@@ -31,16 +31,16 @@ class _StrictConsole(Console):
 
 
 class _Unfilled:
-    """Text stream without the blanks that end lines. A console writes whole lines."""
+    """Text stream that removes trailing blanks. A console writes complete lines."""
 
     def __init__(self, to: TextIO) -> None:
         self._to = to
 
     def write(self, text: str) -> int:
-        """Write it, and return that all of it was."""
+        """Write a text, and return its length."""
         self._to.write(_FILLED_UP.sub("", text))
         return len(text)
 
     def __getattr__(self, name: str) -> object:
-        """Everything else is the stream's."""
+        """Attribute of the underlying stream."""
         return getattr(self._to, name)

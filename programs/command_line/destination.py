@@ -1,4 +1,4 @@
-"""Destination of a joint motion, as it is typed: a pose, or JOINT=VALUE for each joint."""
+"""Parser of a motion's destination: a pose, or JOINT=VALUE for each joint."""
 
 import math
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ import click
 
 
 def destination(words: Sequence[str]) -> tuple[str, dict[str, float]]:
-    """Pose, or targets [rad] by joint, of the words that were typed. Raises UsageError."""
+    """Pose, or targets [rad] by joint, from the words of a command line. Raises UsageError."""
     if len(words) == 1 and words[0] and "=" not in words[0]:
         return words[0], {}
     targets: dict[str, float] = {}
     for word in words:
         joint, equals, text = word.partition("=")
         if not (joint and equals):
-            raise click.UsageError(f"{word!r}: either one POSE, or JOINT=VALUE for each joint")
+            raise click.UsageError(f"{word!r}: give either one POSE or JOINT=VALUE for each joint")
         if joint in targets:
             raise click.UsageError(f"{joint} is given twice")
         try:

@@ -1,5 +1,5 @@
-"""Options that all commands of `contactctl` take, before or after the command; types of paths and
-numbers for both command lines."""
+"""Options that all commands of `contactctl` accept, before or after the command; parameter types of
+paths and numbers for all command lines."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
 import itertools
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class _Path(click.Path):
-    """Path that is not empty: of a script whose variable is, it would be the folder one is in."""
+    """Path that must not be empty, as from an unset variable in a script: it would mean `.`."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert a value. Raises UsageError for an empty one."""
@@ -32,19 +32,19 @@ class _Path(click.Path):
 
 
 def _named(param: click.Parameter | None) -> str:
-    """Name of an option or argument, as help shows it."""
+    """Name of an option or argument, as shown by --help."""
     if isinstance(param, click.Argument):
         return (param.metavar or param.human_readable_name).strip("[]").rstrip(".")
     return param.opts[-1] if param is not None else "the path"
 
 
-# `readable=False`: click's own check would end with another message and exit status than ours. The
-# code that opens the file knows what it was for.
+# `readable=False` disables click's own check, whose message and exit status differ from ours. The
+# code that opens the file reports errors.
 PATH: Final = _Path(path_type=Path, readable=False)
 SOCKET: Final = click.option(
     "--socket", type=PATH, metavar="PATH", help="Control socket, instead of the default."
 )
-"""Option --socket of `contactd` commands, after their name."""
+"""Option --socket of commands of `contactd`, given after their name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,25 +72,25 @@ def _take_socket(ctx: click.Context, _: click.Parameter, given: Path | None) -> 
 
 
 class Signed(click.Command):
-    """Command that may take a number below 0 as an argument (`ignore_unknown_options`), and names
-    an unknown option all the same."""
+    """Command that accepts negative numbers as arguments (`ignore_unknown_options`), but still
+    reports unknown options."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the words. Raises NoSuchOption, or UsageError for an option of the group."""
+        """Parse the arguments. Raises NoSuchOption, or UsageError for an option of the group."""
         known = {name for param in self.get_params(ctx) for name in param.opts}
         group = ctx.parent.command.params if ctx.parent else []
         for word in itertools.takewhile(lambda word: word != "--", args):
             name = word.partition("=")[0]
             if re.match("-[-a-zA-Z]", name) and name not in known:
                 if any(name in param.opts for param in group):
-                    raise click.UsageError(f"{name} goes before `{ctx.info_name}`", ctx)
+                    raise click.UsageError(f"{name} must precede `{ctx.info_name}`", ctx)
                 near = get_close_matches(name, known)
                 raise click.NoSuchOption(name, possibilities=near, ctx=ctx)
         return super().parse_args(ctx, args)
 
 
 class Command(Signed):
-    """Command that takes the common options, too, so that they may stand before or after it."""
+    """Command that also accepts the common options, so that they may stand before or after it."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -103,8 +103,8 @@ def socket_option(callback: Any = None) -> click.Option:
         ["--socket"],
         type=PATH,
         metavar="PATH",
-        help="The daemon's control socket. Without it $CONTACTD_SOCKET, else that of the service, "
-        "/run/contactd/control, else your own daemon's: $XDG_RUNTIME_DIR/contactd.sock or "
+        help="The daemon's control socket; by default $CONTACTD_SOCKET, else that of the service, "
+        "/run/contactd/control, else that of your own daemon: $XDG_RUNTIME_DIR/contactd.sock or "
         "/tmp/contactd-UID.sock.",
         callback=callback,
         expose_value=callback is None,
@@ -123,18 +123,18 @@ def json_option(callback: Any = None) -> click.Option:
 
 
 class InOrder(click.Group):
-    """Group that lists its commands in the order in which a person needs them."""
+    """Group that lists its commands in the order of definition, which is that of use."""
 
     command_class = Signed
     others = ""
-    """End of the message that lists the commands: the program that has others."""
+    """End of the message that lists the commands, on commands of another program."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Commands in the order in which they were defined."""
+        """Commands in the order of their definition."""
         return list(self.commands)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Resolve the command that is named first. Raises UsageError with those that there are."""
+        """Resolve the first argument as a command. Raises UsageError that lists all commands."""
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             known = ", ".join(self.list_commands(ctx))
             raise click.UsageError(f"no command {args[0]!r}; there are: {known}{self.others}", ctx)
@@ -142,13 +142,13 @@ class InOrder(click.Group):
 
 
 class Group(InOrder):
-    """Group that turns an error of ours into one line on stderr and its exit status."""
+    """Group that reports a ContactdError in one line on stderr with its exit status."""
 
     command_class = Command
     others = "; identify, check, plot and more are commands of `contactd`"
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; an error of ours sets the exit status."""
+        """Run the command; a ContactdError determines the exit status."""
         _open_closed_streams()
         try:
             with read_to_the_end():
@@ -164,15 +164,15 @@ class Group(InOrder):
 
 
 def _open_closed_streams() -> None:
-    """Open streams that the caller closed (`contactctl stop >&-`): a closed stdout must not make a
-    command fail, nor a socket take its file descriptor."""
+    """Open standard streams that the caller closed (`contactctl stop >&-`), so that commands do not
+    fail, and no socket takes their file descriptors."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - as long as the program runs
 
 
 class Range(click.FloatRange):
-    """Number between bounds; nan, which passes every comparison of `FloatRange`, is refused."""
+    """Number within bounds; refuses NaN, which passes all comparisons of `FloatRange`."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert a value. Raises BadParameter with value and range; click adds the option."""

@@ -1,4 +1,4 @@
-"""Progress bar on stderr while a recording is read; nothing where stderr is no terminal."""
+"""Progress bars on stderr; none if stderr is not a terminal."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @contextmanager
 def reading(file: Path, *, shown: bool = True) -> Iterator[Callable[[float], None]]:
-    """Show the share of `file` that was read, as the block reports it."""
+    """Context that shows the share of `file` that was read, as reported by the block."""
     if not (shown and sys.stderr.isatty()):
         yield lambda share: None
         return
@@ -23,7 +23,7 @@ def reading(file: Path, *, shown: bool = True) -> Iterator[Callable[[float], Non
 
 @contextmanager
 def counting(total: int, *, shown: bool = True) -> Iterator[Callable[[], None]]:
-    """Show how many of `total` recordings are done, as the block reports each."""
+    """Context that shows how many of `total` recordings are done, as reported by the block."""
     if not (shown and sys.stderr.isatty() and total > 1):
         yield lambda: None
         return

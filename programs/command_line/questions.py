@@ -1,5 +1,5 @@
-"""Questions to a person at a terminal, upon whose answer an arm may move, or learns its signs. What
-was typed before a question stood there was meant for something else, and does not answer it."""
+"""Questions to a person at a terminal, whose answers may make an arm move, or set its signs. Input
+that was typed before a question appeared was meant for something else, and is discarded."""
 
 import sys
 import termios
@@ -10,7 +10,7 @@ import click
 
 
 def sure(question: str) -> bool:
-    """True for a yes; nothing but Enter is a no."""
+    """True if the answer is yes; just Enter means no."""
     _forget_what_was_typed()
     return click.confirm(question)
 
@@ -22,5 +22,5 @@ def choice(question: str, among: Sequence[str]) -> str:
 
 
 def _forget_what_was_typed() -> None:
-    with suppress(termios.error, OSError, ValueError):  # a file, a pipe, none: no terminal
+    with suppress(termios.error, OSError, ValueError):  # stdin is no terminal, or closed
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

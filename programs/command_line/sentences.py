@@ -1,6 +1,5 @@
-"""Sentences and tables for a person: at a terminal a sentence goes on in the next line between two
-words, where the terminal alone would cut one in two. Files, pipes and the journal get it in one
-line."""
+"""Sentences and tables on standard output. At a terminal, sentences are wrapped between words;
+files, pipes and the journal get each in one line."""
 
 import errno
 import os
@@ -13,12 +12,12 @@ from typing import Final
 
 import click
 
-UNREAD: Final = 141  # as shells report it of a program that a closed pipe ended
+UNREAD: Final = 141  # exit status by shell convention after a closed pipe: 128 + SIGPIPE
 
 
 def say(text: str, *, err: bool = False, dim: bool = False) -> None:
-    """Print one sentence or more, each line of `text` for itself; what a line is indented by, its
-    continuation is, too. With `err` on stderr."""
+    """Print text, wrapping each line separately and indenting continuations like the line. With
+    `err` on stderr."""
     if (sys.stderr if err else sys.stdout).isatty():
         width = shutil.get_terminal_size().columns
         text = "\n".join(folded(line, width) for line in text.splitlines())
@@ -26,17 +25,17 @@ def say(text: str, *, err: bool = False, dim: bool = False) -> None:
 
 
 def could_not_say(error: OSError) -> str:
-    """Reason why an answer could not be written if the disk is full (`> /dev/full`); empty for
-    other errors, and for those of named files."""
+    """Reason why output could not be written if the disk is full (`> /dev/full`); empty for other
+    errors, and for errors of named files."""
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return ""
-    return f"the answer cannot be written: {error.strerror}"
+    return f"cannot write the output: {error.strerror}"
 
 
 @contextmanager
 def read_to_the_end() -> Iterator[None]:
-    """Block whose answer goes to stdout. Once its reader has closed the pipe (`| head -1`) the
-    program ends with a status of its own, independent of the command's result."""
+    """Context for output to stdout. If the reader has closed the pipe (`| head -1`), the program
+    exits with UNREAD, regardless of the command's result."""
     try:
         try:
             yield
@@ -44,14 +43,14 @@ def read_to_the_end() -> Iterator[None]:
             if sys.stdout is not None:
                 sys.stdout.flush()
     except BrokenPipeError:
-        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         sys.exit(UNREAD)
 
 
 def aligned(rows: Sequence[Sequence[str]], *, numbers: bool = False) -> list[str]:
-    """Lines of a table; of `numbers` all columns but the first are aligned at their right."""
+    """Lines of a table; with `numbers` all columns but the first are right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     align = [str.ljust, *[str.rjust if numbers else str.ljust] * (len(widths) - 1)]
 
@@ -63,7 +62,7 @@ def aligned(rows: Sequence[Sequence[str]], *, numbers: bool = False) -> list[str
 
 
 def folded(line: str, width: int) -> str:
-    """Line in as many of `width` columns as its words take."""
+    """Line wrapped to `width` columns between words, keeping its indentation."""
     indent = line[: len(line) - len(line.lstrip())]
     return textwrap.fill(
         line.lstrip(),

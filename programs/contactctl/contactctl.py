@@ -1,6 +1,6 @@
-"""`contactctl`: the command line for a person who operates the arm.
+"""`contactctl`: command line for a person who operates the arm.
 
-Everything heavy is imported by the command that needs it, so that the others start at once.
+Slow imports are made by the command that needs them, so that the others start at once.
 """
 # ruff: noqa: PLC0415
 
@@ -39,8 +39,8 @@ from programs.contactctl.replies import (
 def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
     """Control contactd, the daemon that detects contact on a robot arm.
 
-    A session usually is: enable, arm, start; then pause or stop; then disable. This program
-    is not a certified safety function: keep the hardware emergency stop within reach.
+    A typical session: enable, arm, start; then pause or stop; then disable. This program is not a
+    certified safety function: keep the hardware emergency stop within reach.
 
     Exit status: 0 done, 1 refused or not done, 2 usage, 65 a file is bad or cannot be written,
     69 the daemon cannot be reached, 141 the reader closed the pipe before the end (`| head`).
@@ -48,12 +48,12 @@ def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
     ctx.obj = Options(socket, as_json)
 
 
-_no_wait = click.option("--no-wait", is_flag=True, help="Return at once, before it is done.")
+_no_wait = click.option("--no-wait", is_flag=True, help="Return at once, without waiting.")
 _no_wait_to_stand = click.option(
     "--no-wait",
     is_flag=True,
-    help="Return at once, before it is done; with exit status 1 if a joint commanded to stop is "
-    "not confirmed at standstill yet.",
+    help="Return at once, without waiting; exit status 1 if a joint commanded to stop is not yet "
+    "confirmed at standstill.",
 )
 
 
@@ -61,10 +61,9 @@ _no_wait_to_stand = click.option(
 @_no_wait
 @click.pass_obj
 def enable(options: Options, no_wait: bool) -> None:
-    """Energise the drives; the arm holds where it stands, and senses contact, so that `arm` may
-    follow.
+    """Energise the drives: the arm holds its position and senses contact, so that it can be armed.
 
-    Where the daemon's files were changed since it read them, it takes them up first: `reload`.
+    If the daemon's files were changed since it read them, they are loaded first: see `reload`.
     """
     take_up_changes(options)
     carry_out(options, "enable", wait=not no_wait)
@@ -80,15 +79,15 @@ def enable(options: Options, no_wait: bool) -> None:
     default=PERSON_S,
     show_default=True,
     metavar="S",
-    help="How long it stays armed, in seconds, unless you arm again.",
+    help="How long the arm stays armed, in seconds, unless you arm again.",
 )
 @click.pass_obj
 def arm(options: Options, lease_s: float) -> None:
-    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
+    """Let the arm yield to contact. Refused, with all reasons, if a check fails.
 
     Shows each check as passed or failed, then the smallest contact that is detected: the torque of
     each joint and, in this pose, the force at the tool, in motion and at rest. Arming again renews
-    the lease; while another holder has it, it is refused. When the lease runs out the arm is
+    the lease; it is refused while another client holds the lease. When the lease expires the arm is
     disarmed, and holds if it is being guided.
     """
     with options.connect() as client:
@@ -99,7 +98,7 @@ def arm(options: Options, lease_s: float) -> None:
 @main.command()
 @click.argument("file", required=False, type=PATH, metavar="[FILE.csv]")
 @click.option(
-    "--from-here", is_flag=True, help="Run the file as displacements, from wherever the arm stands."
+    "--from-here", is_flag=True, help="Run the file as displacements from the arm's present pose."
 )
 @click.option(
     "--speed",
@@ -107,19 +106,19 @@ def arm(options: Options, lease_s: float) -> None:
     default=1.0,
     show_default=True,
     metavar="X",
-    help="Run the file slower, at this share of its speed.",
+    help="Run the file slower, at this fraction of its speed.",
 )
 @click.pass_obj
 def start(options: Options, file: Path | None, from_here: bool, speed: float) -> None:
     """Start a trajectory: the arm moves.
 
-    Without a file: what was paused goes on; else the configured trajectory begins. A file has a
-    column time_s [s] and one for each joint that moves [rad]; it is checked against every limit
-    before anything moves, and the arm must stand where it begins.
+    Without a file, a paused trajectory continues, or else the configured one begins. A file has a
+    column time_s [s] and one for each joint that moves [rad]; it is checked against all limits
+    before anything moves, and the arm must stand at its first pose.
     """
     if file is None:
         if from_here or speed != 1.0:
-            raise click.UsageError("--from-here and --speed are about a file")
+            raise click.UsageError("--from-here and --speed require a file")
         carry_out(options, "start")
         return
     from daemon.motion.trajectory_file import read_trajectory
@@ -143,7 +142,7 @@ def start(options: Options, file: Path | None, from_here: bool, speed: float) ->
 @_no_wait
 @click.pass_obj
 def pause(options: Options, no_wait: bool) -> None:
-    """Halt the trajectory; the arm stays armed. `start` goes on with it, `stop` forgets it."""
+    """Halt the trajectory; the arm stays armed. `start` continues it, `stop` discards it."""
     carry_out(options, "pause", wait=not no_wait)
 
 
@@ -164,7 +163,7 @@ def disarm(options: Options, no_wait: bool) -> None:
 def stop(options: Options, no_wait: bool) -> None:
     """Stop the arm at once, and disarm it. Works in every mode.
 
-    Exit status 1, with their names, if joints are not confirmed at standstill: press the emergency
+    Exit status 1 if joints are not confirmed at standstill; they are named: press the emergency
     stop if anything moves.
     """
     carry_out(options, "stop", wait=not no_wait)
@@ -174,9 +173,9 @@ def stop(options: Options, no_wait: bool) -> None:
 @_no_wait_to_stand
 @click.pass_obj
 def disable(options: Options, no_wait: bool) -> None:
-    """Let the joints end as configured: held by their drives, braked, or limp.
+    """Switch the drives off: joints end as configured, held by their drives, braked, or limp.
 
-    Exit status 1, with their names, if joints are not confirmed at standstill.
+    Exit status 1 if joints are not confirmed at standstill; they are named.
     """
     carry_out(options, "disable", wait=not no_wait)
 
@@ -186,8 +185,8 @@ def disable(options: Options, no_wait: bool) -> None:
 def reset(options: Options) -> None:
     """Acknowledge a fault. Energises and moves nothing.
 
-    First reads back what the drives must hold, and sets up again those that do not: that may take
-    seconds. Forgets emergencies of drives that are not in fault.
+    First reads back the settings of the drives, and sets up again drives that lost them, which may
+    take seconds. Clears emergency messages of drives that are not in fault.
     """
     carry_out(options, "reset")
 
@@ -199,11 +198,11 @@ for command in (go, home, follow, playback, gain, guide, payload):
 @main.command()
 @click.pass_obj
 def reload(options: Options) -> None:
-    """Have the daemon read its files anew, with the drives off, and set the drives up by them.
+    """Reload the daemon's files, with the drives off, and set up the drives accordingly.
 
-    Takes up what was edited or identified as a start of the daemon would: every connection to it
-    ends. Files that cannot be read, or by which the drives cannot be set up, are not taken up: exit
-    status 1 with the reason, and the daemon stays off until they are mended and it is asked again.
+    Edited or newly identified values take effect as after a restart of the daemon: all connections
+    to it end. If the files cannot be read, or the drives cannot be set up with them, they are
+    rejected: exit status 1 with the reason, and the daemon stays off until a reload succeeds.
     """
     from daemon.protocol.replies import Reply
     from programs.clients.reload import reload as read_anew
@@ -211,7 +210,7 @@ def reload(options: Options) -> None:
     with options.connect() as client:
         changed = client.ask_status().changed
     found = read_anew(options.socket)
-    text = f"taken up: {', '.join(changed)}" if changed else "read anew, nothing had changed"
+    text = f"taken up: {', '.join(changed)}" if changed else "files read again, nothing had changed"
     answer(options, Reply(ok=True, message=f"reload: {text}", mode=found.mode))
 
 
@@ -230,7 +229,7 @@ def status(options: Options) -> None:
 
         console, report = on_stdout(), status_report(found, path, point_now(client, found))
     console.print(report)
-    # What a small terminal has scrolled away stands at its end, too.
+    # On a terminal too small for the report, its head is repeated at the end.
     if console.is_terminal and len(console.render_lines(report)) >= console.height:
         console.print(status_head(found))
 
@@ -242,13 +241,13 @@ def status(options: Options) -> None:
     metavar="DIR",
     help="State directory of the daemon, instead of the default.",
 )
-@click.option("--plot", type=PATH, metavar="FILE.png", help="Draw the days into a new file.")
+@click.option("--plot", type=PATH, metavar="FILE.png", help="Plot the days to a new file.")
 @click.pass_obj
 def health(options: Options, directory: Path | None, plot: Path | None) -> None:
-    """Show how the gears age: each joint against the days when it was identified.
+    """Show how the gears age: each joint compared with the days of its identification.
 
-    From the records that the daemon writes each day; it need not run. Exit status 1 if there is a
-    warning for a joint, 65 if there are no records, or none of an arm that can be read.
+    Reads the records that the daemon writes each day; it need not be running. Exit status 1 if
+    there is a warning for a joint, 65 if there are no records, or none of an arm is readable.
     """
     from programs.contactctl.health import show_health
 

@@ -1,4 +1,4 @@
-"""`contactctl follow`: the arm follows another arm, or a file, as a stream of targets."""
+"""`contactctl follow`: streams targets from another arm or a file for the arm to follow."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
 import itertools
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from daemon.motion.trajectory_file import TrajectoryFile
     from daemon.protocol.replies import Status
 
-REST_S = 1.0  # after the end of a file, so that the arm gets there
+REST_S = 1.0  # for which the last target is repeated, so that the arm arrives
 
 
 class LeaderError(ControlError):
-    """The leader is not there, is another arm, or fell silent."""
+    """Error of the leader: unreachable, an arm with other joints, or silent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """One target of a source: pose, velocity or None, and the source's time [s]."""
+    """One target of a source: pose [rad], velocity [rad/s] or None, and the source's time [s]."""
 
     q: list[float]
     velocity: list[float] | None
@@ -58,23 +58,23 @@ class Sent:
 def follow(options: Options, file: Path | None, leader: Path | None, rate: float) -> None:
     """Follow a stream of targets, from another arm or a file: the arm moves.
 
-    It goes slowly to the first target, at most `stream.reach` away, then follows within all
-    limits. A contact has the configured reaction; afterwards the arm goes on as
-    `stream.after_contact` says. Enter asks it to rejoin the stream; Ctrl-C halts it.
+    The arm goes slowly to the first target, at most `stream.reach` away, then follows within all
+    limits. It reacts to a contact as configured, and continues as `stream.after_contact` says.
+    Enter makes it rejoin the stream; Ctrl-C halts it.
     """
     if (file is None) == (leader is None):
-        raise click.UsageError("either a FILE.csv, or --leader SOCKET")
+        raise click.UsageError("give either a FILE.csv or --leader SOCKET")
     from contactd_client.client import Client
 
     with options.connect() as asking:
         status, path = asking.ask_status(), asking.path
-    way = read_trajectory(file, status.joints) if file else None
+    trajectory = read_trajectory(file, status.joints) if file else None
     try:
         with Client(path) as client, client.follow() as stream:
-            if way is None:
+            if trajectory is None:
                 _send(_of_leader(leader or path, path, status.joints), stream)
                 return
-            _send(_of_file(way, status, rate, lambda: _follows(stream)), stream)
+            _send(_of_file(trajectory, status, rate, lambda: _follows(stream)), stream)
             _refuse_elsewhere(stream)
     except KeyboardInterrupt:
         say("\nhalted", err=True)
@@ -89,19 +89,21 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
 def _refuse_elsewhere(stream: "Stream") -> None:
     """Raise ControlError if the arm does not follow at the end of a file."""
     if stream.state and not _follows(stream):
-        raise ControlError(f"the file came to its end, and the arm did not: {_phase(stream.state)}")
+        raise ControlError(
+            f"at the end of the file the arm does not follow: {_phase(stream.state)}"
+        )
 
 
 def _moving(options: Options) -> str:
-    """Joints that are not seen to stand, after a stream was refused; empty without any."""
+    """Words on joints not confirmed at standstill after a stream was refused; empty if none."""
     with options.connect() as asking:
         unproved = asking.ask_status().unproved
     return f"not seen to stand: {', '.join(unproved)}; {IF_IT_MOVES}; " if unproved else ""
 
 
 def _send(source: Iterator[Sent], stream: "Stream") -> None:
-    """Send what a source gives, print each change of phase and new warnings, and rejoin at
-    Enter."""
+    """Send the targets of a source, print changes of phase and new warnings, and rejoin when Enter
+    is pressed."""
     shown, warned = "", 0
     for sent in source:
         stream.to(sent.q, sent.velocity, sent.time_s)
@@ -128,7 +130,7 @@ def _follows(stream: "Stream") -> bool:
 
 
 def _phase(stream: "StreamState") -> str:
-    """Phase of the arm, and the joint of a contact that lasts."""
+    """Phase of the stream in words, with the joint of a present contact."""
     from programs.clients.stream_words import AFTER_CONTACT, PHASES
 
     phase, words = stream["phase"], PHASES[stream["phase"]]
@@ -152,8 +154,8 @@ def _entered() -> bool:
 def _of_file(
     file: "TrajectoryFile", status: "Status", rate_hz: float, joined: Callable[[], bool]
 ) -> Iterator[Sent]:
-    """Poses of a trajectory: the first one until the arm has joined there, then at its own speed;
-    joints that it does not name stay."""
+    """Targets from a trajectory: its first pose until the arm has joined, then at its own speed;
+    joints that it does not name keep their positions."""
     places = [status.joints.index(joint) for joint in file.joints]
     begun_s, span_s = time.monotonic(), file.times[-1] - file.times[0]
     begins_s, waits = 0.0, True
@@ -171,7 +173,7 @@ def _of_file(
 
 
 def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[Sent]:
-    """Poses of another arm, as its daemon publishes them. Raises LeaderError where it does not."""
+    """Targets from the poses that another arm's daemon publishes. Raises LeaderError."""
     from contactd_client.client import Client
 
     view = socket if socket.name.endswith("-view.sock") else view_socket_path(socket)
@@ -190,6 +192,6 @@ def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[Sent]
 def _refuse_others(leads: Sequence[str], joints: Sequence[str]) -> None:
     if list(leads) != list(joints):
         raise ControlError(
-            f"it has the joints {', '.join(leads)}; this arm has {', '.join(joints)}: they must be "
-            "the same, in this order"
+            f"it has the joints {', '.join(leads)}; this arm has {', '.join(joints)}: names and "
+            "order must be the same"
         )

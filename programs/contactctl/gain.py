@@ -1,9 +1,9 @@
-"""`contactctl gain`: gains K_a shown, changed, or balanced so that all joints react alike.
+"""`contactctl gain`: shows, changes or balances the gains K_a.
 
-Balancing asks the daemon for its configuration and URDF, as a recording has them, and computes
-here; the arm's gains change only by the requests that `--apply` sends, one for each joint.
+Balancing gets configuration and URDF from the daemon's snapshot and computes the gains in this
+process; the arm's gains change only by the requests that `--apply` sends, one for each joint.
 """
-# ruff: noqa: PLC0415 - the model of the arm is imported by what needs it
+# ruff: noqa: PLC0415 - the arm's model is imported by the functions that need it
 
 import math
 from typing import TYPE_CHECKING
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
 @click.command(cls=Command, context_settings={"ignore_unknown_options": True})  # -0.1 is no option
 @click.argument("joint", required=False)
 @click.argument("value", type=float, required=False)
-@click.option("--balance", is_flag=True, help="Propose gains with which all joints react alike.")
-@click.option("--apply", is_flag=True, help="With --balance: change the gains to these.")
+@click.option("--balance", is_flag=True, help="Propose gains with which all joints yield equally.")
+@click.option("--apply", is_flag=True, help="With --balance: apply the proposed gains.")
 @click.pass_obj
 def gain(
     options: Options, joint: str | None, value: float | None, balance: bool, apply: bool
 ) -> None:
     """Show or change how softly joints yield: K_a [rad/s per Nm].
 
-    The change takes half a second, also while the joint is guided. The configuration is not
-    changed: the daemon's next start, or `reload`, begins from it.
+    The gain changes over half a second, also while the joint is guided. The configuration is not
+    changed: it applies again after a restart of the daemon or a `reload`.
 
-    With --balance: gains with which each joint asks for the same force at the hand, from levers,
-    inertia and thresholds, and what it asks for now. Nothing changes without --apply.
+    With --balance: gains with which each joint requires the same force at the hand, from levers,
+    inertia and thresholds, beside the present ones. Nothing changes without --apply.
     """
     if value is not None and not math.isfinite(value):
         raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
     if balance and joint is not None:
-        raise click.UsageError("--balance is about all joints")
+        raise click.UsageError("--balance applies to all joints: give no JOINT")
     if apply and not balance:
-        raise click.UsageError("--apply belongs to --balance")
+        raise click.UsageError("--apply requires --balance")
     if balance:
         balance_all(options, apply=apply)
     elif joint is None or value is None:
@@ -76,7 +76,7 @@ def change(options: Options, joint: str, value: float) -> None:
 
 
 def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, float]:
-    """Gains by joint; a joint that is none of them is refused."""
+    """Gains by joint; exits with a refusal for an unknown joint."""
     gains = dict(zip(found.joints, found.gain, strict=True))
     if joint is not None and joint not in gains:
         from daemon.protocol.replies import Reply
@@ -87,8 +87,7 @@ def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, fl
 
 
 def balance_all(options: Options, *, apply: bool) -> None:
-    """Print gains with which joints react alike, and the present ones; with `apply` change to
-    them."""
+    """Print balanced and present gains; with `apply`, set the balanced ones."""
     with options.connect() as client:
         found = client.ask_status()
         snapshot, _ = client.subscribe()
@@ -99,7 +98,7 @@ def balance_all(options: Options, *, apply: bool) -> None:
         say(in_words(rows))
     if not apply:
         if not options.json:
-            say("nothing has changed: --apply changes the gains until the daemon ends")
+            say("nothing has changed: --apply sets the gains until the daemon ends")
         return
     from daemon.protocol.requests import SetGain
 
@@ -107,7 +106,7 @@ def balance_all(options: Options, *, apply: bool) -> None:
         for name, row in rows.items():
             reply = client.ask(SetGain(joint=name, gain=row["gain"]))
             if not reply.ok:
-                answer(options, reply)  # joints before it are changed; `gain` shows which
+                answer(options, reply)  # earlier joints have changed; `gain` shows which
     if not options.json:
         say("changed until the daemon ends; to keep it: `admittance_gain` in config.yaml")
 
@@ -131,9 +130,9 @@ def balance_of(c: "Configuration", urdf: str) -> "Balance":
 
 
 def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]:
-    """By joint: gain now and balanced [rad/s per Nm], shortest and longest usual lever [m], the
-    forces at the hand [N] that it asks for with these when led, before and after, and the least
-    from which it sets out at rest, where friction hides some: infinite without detection."""
+    """Rows by joint: present and balanced gain [rad/s per Nm], shortest and longest usual lever
+    [m], forces at the hand [N] that lead the joint with either gain, and the least force that moves
+    it from rest against friction, infinite without detection."""
     import numpy as np
 
     from daemon.config.load import parse_configuration
@@ -165,17 +164,17 @@ def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]
 
 
 def _number(column: "Vector", i: int) -> float:
-    """A figure of a column, short enough to be read."""
+    """Element of a column, rounded to four significant digits."""
     return float(f"{column[i]:.4g}")
 
 
 def in_words(rows: dict[str, dict[str, float]]) -> str:
-    """Balance as a table, a line for each joint, and how even it is before and after."""
+    """Table of the balance, a line for each joint, and the ratio of forces before and after."""
     from programs.contactctl.balance import LEADING_RAD_S
 
-    ways = [
-        [f"{row[f'{w}least_N']:.1f} to {row[f'{w}most_N']:.1f}" for row in rows.values()]
-        for w in ("now_", "")
+    forces = [
+        [f"{row[f'{when}least_N']:.1f} to {row[f'{when}most_N']:.1f}" for row in rows.values()]
+        for when in ("now_", "")
     ]
     table = [("", "lever [m]", "K_a", "then", "rest", "led", "then")] + [
         (
@@ -187,9 +186,9 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
             now,
             then,
         )
-        for (name, row), now, then in zip(rows.items(), *ways, strict=True)
+        for (name, row), now, then in zip(rows.items(), *forces, strict=True)
     ]
-    even = [
+    ratios = [
         max(row[f"{when}most_N"] for row in rows.values())
         / min(row[f"{when}least_N"] for row in rows.values())
         for when in ("now_", "")
@@ -197,10 +196,10 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     return "\n".join(
         [
             *aligned(table, numbers=True),
-            f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
-            "within the limits but for rare ones.",
-            "Rest: from which a joint sets out, by its level and friction, which no gain changes; "
-            "- without detection, as with its drives off.",
-            f"Largest force of led joints, of the smallest: {even[0]:.1f} -> {even[1]:.1f}",
+            f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, 5th to 95th percentile over "
+            "500 poses within the limits.",
+            "Rest: force that moves a joint from rest, by its level and friction, which no gain "
+            "changes; -: without detection, e.g. with its drives off.",
+            f"Ratio of largest to smallest force when led: {ratios[0]:.1f} -> {ratios[1]:.1f}",
         ]
     )

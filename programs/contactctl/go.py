@@ -1,6 +1,6 @@
-"""`contactctl go` and `home`: the planned way, a question, and the motion to its end.
+"""`contactctl go` and `home`: show the planned path, ask, and run the motion to its end.
 
-Ctrl-C, or the end of the terminal, stops the arm; killed or held up, the daemon halts it.
+Ctrl-C or closing the terminal stops the arm; if this program is killed or hangs, the daemon does.
 """
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from daemon.protocol.replies import Reply, Way
     from programs.clients.client import Client
 
-# How near to its goal a joint has arrived: what friction may hold back, and no more [rad].
+# Tolerance within which a joint counts as arrived: what friction may leave, and no more [rad].
 THERE_RAD = 0.02
-VISIBLE_RAD = 5e-4  # a shorter way is shown as none
+VISIBLE_RAD = 5e-4  # shorter distances are not shown
 NO_COLLISION_CHECK = (
-    "There is no collision check: the arm takes this way through its own body, the table and you."
+    "There is no collision check: the arm takes this path through its own body, the table and you."
 )
 SHAPES_CHECKED = (
     "Checked against shapes.yaml and surroundings.yaml alone: the arm does not know where you are."
@@ -63,10 +63,10 @@ _yes = click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
 def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> None:
     """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
 
-    Shows distance and time per joint, and asks. The way is a straight line through joint space
-    within all limits, checked for collisions only where the arm has shapes. A contact halts the
-    arm where it is not armed; armed it reacts as on any trajectory, and goes on to the pose. After
-    a halt, ask again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
+    Shows distance and time per joint, and asks first. The path is a straight line in joint space
+    within all limits, checked for collisions only if the arm has shapes. A contact halts an arm
+    that is not armed; an armed arm reacts as on any trajectory, then continues. After a halt, give
+    the command again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
     """
     move(options, words, speed, yes=yes)
 
@@ -81,10 +81,10 @@ def home(options: Options, speed: float, yes: bool) -> None:
 
 
 def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> None:
-    """Show the way, ask unless `yes`, move, and wait for its end; exit 1 where it ended elsewhere
-    or was refused. Without words: list the poses."""
+    """Show the path, ask unless `yes`, move, and wait for the end; exits with 1 if the motion was
+    refused or ended elsewhere. Without words: list the poses."""
     if not words:
-        if yes:  # of a script whose variable is empty: nothing moves, and that is no success
+        if yes:  # probably a script with an empty variable: nothing moves, which must not succeed
             raise click.UsageError("--yes moves the arm: to which POSE, or JOINT=VALUE?")
         _list_poses(options)
         return
@@ -96,7 +96,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
             return
         if not yes and (options.json or not sys.stdin.isatty()):
             raise click.UsageError(
-                "no confirmation with --json, or without a terminal; pass --yes to skip it"
+                "cannot ask for confirmation with --json, or without a terminal; --yes skips it"
             )
         if not options.json:
             say(in_words(reply.way))
@@ -112,14 +112,14 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
         if reply.way is None:
             answer(options, reply)
             return
-        if ended is None:  # while this connection is there: the arm halts without it
+        if ended is None:  # stop before the connection closes: its end would only halt the arm
             carry_out(options, "stop", wait=True)
             sys.exit(1)
     answer(options, ended)
 
 
 def in_words(way: "Way") -> str:
-    """Table of the way, a line for each joint that moves, and which collisions are checked."""
+    """Table of the path, a line for each joint that moves, and which collisions are checked."""
     lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
     joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
     for name, start, goal, speed in joints:
@@ -127,14 +127,14 @@ def in_words(way: "Way") -> str:
             figures = f"{start:8.3f} {goal:8.3f} {goal - start:+9.3f} {speed:9.3f}"
             lines.append(f"{name:16} {figures} {way.duration_s:5.1f} s")
     if len(lines) == 1:
-        return f"{way.name}: the arm stands there"
-    lines.append("rad and rad/s; all joints set out and arrive together, other joints stay.")
+        return f"{way.name}: the arm is there already"
+    lines.append("rad and rad/s; all joints start and arrive together, other joints do not move.")
     return "\n".join([*lines, SHAPES_CHECKED if way.shapes else NO_COLLISION_CHECK])
 
 
 def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":
-    """Reply on where the motion ended, once the mode is at rest; None as soon as it is interrupted.
-    Waits while a person guides the arm."""
+    """Reply on where the motion ended, once the mode is one of RESTING; None when interrupted.
+    Keeps waiting while a person guides the arm."""
     from daemon.protocol.replies import Reply
 
     while not interrupted():
@@ -142,12 +142,12 @@ def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Rep
         if now.mode in RESTING:
             places = zip(way.joints, now.link_position, way.goal, strict=True)
             far = [
-                f"{name} stands at {q:.3f} rad, {abs(q - goal):.3f} rad from {goal:.3f}"
+                f"{name} is at {q:.3f} rad, {abs(q - goal):.3f} rad from {goal:.3f}"
                 for name, q, goal in places
                 if abs(q - goal) > THERE_RAD
             ]
             done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and not far
-            text = f"{now.mode}: {now.cause}" if done else f"not there: {now.mode}, {now.cause}"
+            text = f"{now.mode}: {now.cause}" if done else f"not arrived: {now.mode}, {now.cause}"
             reasons = [] if done else now.advice.splitlines() or far
             return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=way)
         time.sleep(POLL_S)
@@ -156,7 +156,7 @@ def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Rep
 
 @contextmanager
 def _interrupted() -> Iterator[Callable[[], bool]]:
-    """Predicate, true once a signal asked this program to end; it then stops the arm first."""
+    """Predicate that is true once a signal asked this program to end, so that it first stops."""
     signals: list[int] = []
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {n: signal.signal(n, lambda received, _: signals.append(received)) for n in numbers}

@@ -1,5 +1,5 @@
-"""`contactctl guide`: the directions in which a hand leads the arm, shown and changed."""
-# ruff: noqa: PLC0415 - messages are imported by what needs them
+"""`contactctl guide`: shows and changes the directions in which a hand can lead the arm."""
+# ruff: noqa: PLC0415 - messages are imported by the function that needs them
 
 import re
 from collections.abc import Callable
@@ -22,9 +22,9 @@ SHAPES = ("line", "plane", "point")
 def axes_of(
     ctx: click.Context | None, param: click.Parameter | None, value: str
 ) -> tuple["Axis", ...]:
-    """Axes in one word: `xy`, `x,rz`, `rx ry rz`. Raises BadParameter for others."""
+    """Axes parsed from a word: `xy`, `x,rz`, `rx ry rz`. Raises BadParameter."""
     if not re.fullmatch(r"(r?[xyz][, ]*)*", value):
-        raise click.BadParameter(f"{value!r} is not of x, y, z, rx, ry, rz", ctx, param)
+        raise click.BadParameter(f"{value!r} is not made of x, y, z, rx, ry, rz", ctx, param)
     return tuple(cast("list[Axis]", re.findall(r"r?[xyz]", value)))
 
 
@@ -35,36 +35,36 @@ def _axes(name: str, text: str) -> Callable[[FC], FC]:
 @click.command(cls=Command)
 @click.argument("shape", required=False, type=click.Choice([*SHAPES, "off"]))
 @click.argument("along", required=False, metavar="[AXES]")
-@_axes("--stiff", "Held, and taken back to where the guide began.")
-@_axes("--held", "Held, without a spring.")
-@_axes("--damped", "Five times as slow.")
+@_axes("--stiff", "Axes held, with a spring to where the guide began.")
+@_axes("--held", "Axes held, without a spring.")
+@_axes("--damped", "Axes along which the arm moves five times as slowly.")
 @click.option("--no-turn", is_flag=True, help="The same as --stiff rx,ry,rz.")
-@click.option("--joints-held", is_flag=True, help="Joints that may move beside the tool stand.")
-@click.option("--frame", metavar="F", help="Axes: `tool` (default), `base`, or a link of the URDF.")
+@click.option("--joints-held", is_flag=True, help="Hold joints that could move without the tool.")
+@click.option("--frame", metavar="F", help="Frame: `tool` (default), `base`, or a URDF link.")
 @click.pass_obj
 def guide(
     options: Options, shape: str | None, along: str | None, stiff: tuple["Axis", ...],
     held: tuple["Axis", ...], damped: tuple["Axis", ...], no_turn: bool, joints_held: bool,
     frame: str | None,
 ) -> None:  # fmt: skip
-    """Show or change the guide of an arm that is led by hand.
+    """Show or change the guide: a constraint on an arm that is led by hand.
 
     \b
-    guide line x              the tool moves along its x alone, and may turn
-    guide plane xy --no-turn  in a plane, always turned the same way
-    guide point               about its point
-    guide --damped z          slowly along z, else as before
-    guide off                 as without one
+    guide line x              the tool moves only along its x axis, and may turn
+    guide plane xy --no-turn  in a plane, with constant orientation
+    guide point               turns about the tool point
+    guide --damped z          slowly along z, freely otherwise
+    guide off                 no constraint
 
-    Also while the arm is led. It begins where it is led next, and anew there once the arm moved by
-    itself. The configuration is not changed.
+    It can be changed while the arm is led. A guide begins where the arm is next led, and begins
+    anew after the arm has moved by itself. The configuration is not changed.
     """
     refuse_none_left(shape, along, (*stiff, *held))
     stiff = (*stiff, *shape_axes(shape, along), *(("rx", "ry", "rz") if no_turn else ()))
     with options.connect() as client:
         if not (shape or stiff or held or damped or joints_held):
             if frame:
-                raise click.UsageError("--frame belongs to a guide")
+                raise click.UsageError("--frame requires a guide")
             axes = client.ask_status().guide
             print_json(axes) if options.json else say(f"guide: {axes}")
             return
@@ -84,7 +84,7 @@ def guide(
 
 
 def shape_axes(shape: str | None, along: str | None) -> tuple["Axis", ...]:
-    """Axes that a shape holds. Raises UsageError for one that is not along the axes given."""
+    """Axes that a shape holds. Raises UsageError if the axes given do not fit the shape."""
     given = tuple(along or "")
     count = {"line": 1, "plane": 2}.get(shape or "", 0)
     if len(set(given)) != count or len(given) != count or not set(given) <= set(_XYZ):
@@ -95,6 +95,6 @@ def shape_axes(shape: str | None, along: str | None) -> tuple["Axis", ...]:
 
 
 def refuse_none_left(shape: str | None, along: str | None, kept: tuple["Axis", ...]) -> None:
-    """Raises UsageError for an axis that a line or plane runs along and that is held."""
+    """Raise UsageError for an axis that a line or plane runs along and that is held."""
     if both := sorted({*(along or "")} & {*kept}):
         raise click.UsageError(f"the {shape} runs along {', '.join(both)}, which cannot be held")

@@ -1,4 +1,4 @@
-"""`contactctl hand`: a person's hand at a simulated arm, live, by the simulator's own socket."""
+"""`contactctl hand`: live control of the simulated hand, through the simulator's own socket."""
 
 import json
 import math
@@ -18,7 +18,7 @@ AXES = ("x", "y", "z")
 
 
 class Measure(click.ParamType):  # type: ignore[type-arg]
-    """Number with its unit behind it, or without: `3Nm`, `0.5 rad`, `-2`."""
+    """Number with an optional unit: `3Nm`, `0.5 rad`, `-2`."""
 
     def __init__(self, unit: str, low: float = -math.inf, high: float = math.inf) -> None:
         self.name = self._unit = unit
@@ -27,19 +27,19 @@ class Measure(click.ParamType):  # type: ignore[type-arg]
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number. Raises BadParameter for another unit, and beyond the bounds."""
+        """Number without its unit. Raises BadParameter for another unit, or beyond the bounds."""
         found = re.fullmatch(rf"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?) ?(?:{self._unit})?", str(value))
         if found is None:
-            self.fail(f"{value!r} is no number of {self._unit}, such as 3{self._unit}.", param, ctx)
+            self.fail(f"{value!r} is no value in {self._unit}, such as 3{self._unit}.", param, ctx)
         if not self._low <= float(found[1]) <= self._high:
             allowed = f"{self._low:g} to {self._high:g} {self._unit}"
-            self.fail(f"{value!r} is not allowed: {allowed}.", param, ctx)
+            self.fail(f"{value!r} is out of range: {allowed}.", param, ctx)
         return float(found[1])
 
 
 def ask_hand(door: Path, act: dict[str, Any]) -> str:
-    """Send an action to the simulator's hand; returns its answer. Raises UnreachableError where no
-    simulator listens, ControlError where it refuses."""
+    """Send an action to the simulated hand, and return its answer. Raises UnreachableError if no
+    simulator listens, ControlError if it refuses."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.settimeout(PATIENCE_S)
         try:
@@ -64,7 +64,7 @@ def _take_door(ctx: click.Context, _: click.Parameter, given: Path | None) -> No
 
 
 def door_option() -> click.Option:
-    """Option --hand-socket, before or after a command."""
+    """Option --hand-socket, allowed before or after a command."""
     return click.Option(
         ["--hand-socket", "door"],
         type=PATH,
@@ -76,7 +76,7 @@ def door_option() -> click.Option:
 
 
 class Touch(Signed):
-    """Command of the hand."""
+    """Command of the hand, with --hand-socket."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -84,7 +84,7 @@ class Touch(Signed):
 
 
 class Touches(InOrder):
-    """Commands of the hand."""
+    """Group of the hand's commands."""
 
     command_class = Touch
 
@@ -92,11 +92,11 @@ class Touches(InOrder):
 @click.group(cls=Touches, params=[door_option()])
 @click.pass_context
 def hand(context: click.Context) -> None:
-    """Touch a simulated arm, live: a hand at `contactd simulate`.
+    """Touch a simulated arm, live: control the hand in `contactd simulate`.
 
     The daemon is not informed of it and has to detect it.
     """
-    if not isinstance(context.obj, Path):  # what the group above has for its own commands
+    if not isinstance(context.obj, Path):  # replaces the Options of the parent group
         context.obj = default_hand_path()
 
 
@@ -115,7 +115,7 @@ def _do(door: Path, **act: Any) -> None:
 @click.option("--seconds", type=Range(min=0.01, max=600), default=0.5, show_default=True)
 @click.pass_obj
 def push(door: Path, joint: str, torque: float, seconds: float) -> None:
-    """Push JOINT with TORQUE for a while."""
+    """Push JOINT with TORQUE for some time."""
     _do(door, act="push", joint=joint, torque=torque, duration_s=seconds, shape="pulse")
 
 
@@ -146,11 +146,11 @@ def press(door: Path, axis: str, force: float, seconds: float | None) -> None:
 @click.option(
     "--torque",
     type=Measure("Nm"),
-    help="At most; by default a fifth of what its motor can give, and no more than 4 Nm.",
+    help="Largest torque; by default a fifth of the motor's, and no more than 4 Nm.",
 )
 @click.pass_obj
 def lead(door: Path, joint: str, position: float, speed: float, torque: float | None) -> None:
-    """Take JOINT and lead it to POSITION; holds on until `release`."""
+    """Grip JOINT, lead it to POSITION, and hold it there until `release`."""
     _do(door, act="guide", to={joint: position}, speed=speed, max_torque=torque)
 
 
@@ -159,12 +159,12 @@ def lead(door: Path, joint: str, position: float, speed: float, torque: float | 
 @click.option(
     "--torque",
     type=Measure("Nm"),
-    help="Pressed with at most; by default a hundredth of what its motor can give.",
+    help="Largest torque; by default a hundredth of the motor's.",
 )
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj
 def gap(door: Path, joint: str, torque: float | None, times: int) -> None:
-    """Move JOINT's link between the borders of its gap, for `contactd identify gap --by-hand`."""
+    """Move JOINT's link between the edges of its gap, for `contactd identify gap --by-hand`."""
     _do(door, act="gap", joint=joint, torque=torque, times=times)
 
 
@@ -172,7 +172,7 @@ def gap(door: Path, joint: str, torque: float | None, times: int) -> None:
 @click.argument("joints", nargs=-1, required=True, metavar="JOINT...")
 @click.pass_obj
 def clamp(door: Path, joints: tuple[str, ...]) -> None:
-    """Catch joints where they are with something hard, until `release`."""
+    """Clamp joints where they are by something hard, until `release`."""
     _do(door, act="clamp", joints=list(joints))
 
 
@@ -194,5 +194,5 @@ def carry(door: Path, mass: float, com: tuple[float, float, float] | None) -> No
 @hand.command()
 @click.pass_obj
 def release(door: Path) -> None:
-    """Let go of everything but what the arm carries."""
+    """Let go of the arm; what it carries stays."""
     _do(door, act="release")

@@ -1,4 +1,4 @@
-"""`contactctl health`: day records of the gears as a table, JSON, or a picture."""
+"""`contactctl health`: shows the daily records of the gears as a table, JSON, or a plot."""
 
 import math
 import os
@@ -15,28 +15,28 @@ from programs.recordings.pictures import without_matplotlib
 from programs.trends.day import Day, Days, read_days, today
 from programs.trends.findings import QUANTITIES, JointHealth, Trend, What, health
 
-# Of the first service, where the command is a person's.
+# State directory of the default systemd service, for a user who has no records of their own.
 _SERVICE = Path("/var/lib/contactd")
 
 
 def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> int:
     """Show the records of every arm in a state directory; returns the exit status. Raises LogError
-    where there are none, or the picture cannot be drawn."""
+    if there are none, or they cannot be plotted."""
     state = _state(directory)
     arms = {folder.name: read_days(folder, until=today()) for folder in _folders(state)}
     arms = {name: days for name, days in arms.items() if days.days or days.words}
     if not arms:
         raise LogError(
-            f"{state / 'trends'}: no records yet; `contactd run` writes one for each day in which "
-            "the arm moved (another place: --directory)"
+            f"{state / 'trends'}: no records yet; `contactd run` writes one for each day on which "
+            "the arm moved (--directory gives another place)"
         )
     found = {name: health(days.days) for name, days in arms.items()}
     if plot is not None:
         if len(arms) > 1:
-            raise LogError(f"{state}: records of several arms: {', '.join(arms)}; draw one alone")
+            raise LogError(f"{state}: records of several arms: {', '.join(arms)}; plot one alone")
         ((name, days),) = arms.items()
         if not days.days:
-            raise LogError(f"{state / 'trends' / name}: no record that can be drawn")
+            raise LogError(f"{state / 'trends' / name}: no record that can be plotted")
         _plot(days.days, plot)
     if as_json:
         click.echo(msgspec.json.encode([_plain(arms[name], found[name]) for name in arms]))
@@ -56,7 +56,7 @@ def _state(directory: Path | None) -> Path:
 
 
 def _is_there(folder: Path) -> bool:
-    """True for a folder that this user may not look at, too: reading it reports that."""
+    """True if a folder exists or this user may not access it, which reading it will report."""
     try:
         return folder.exists()
     except OSError:
@@ -123,7 +123,7 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
         )
     if joints:
         to.print(table)
-        to.print(Text("of the last day, and the change since the first; -: not seen", "dim"))
+        to.print(Text("on the last day, and the change since the first; -: not observed", "dim"))
     warnings = [f"{joint.joint}: {joint.words}" for joint in joints if joint.words]
     for line in warnings or ["no warnings for any joint"] * bool(joints):
         to.print(Text(line, "yellow" if warnings else "green"))

@@ -1,4 +1,4 @@
-"""`contactctl watch` and `record`: live States, shown, streamed as JSON, recorded."""
+"""`contactctl watch`, `touches` and `record`: live States shown, streamed as JSON, recorded."""
 # ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
 
 import json
@@ -31,11 +31,11 @@ FRAMES_PER_S = 10
 @click.command(cls=Command)
 @click.pass_obj
 def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
-    each, until the daemon ends its run.
+    """Show the joints live until Ctrl-C, also across a `reload`. With --json: print each state on
+    one line, until the daemon ends its run.
 
-    Where nothing has come for half a second, the picture is marked as not live. After two seconds
-    without, or where the daemon is gone, it ends with what was known last of the arm.
+    After half a second without data the display is marked as not live. After two seconds, or when
+    the daemon is gone, the command ends with the last known state of the arm.
     """
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
@@ -52,8 +52,8 @@ def watch(options: Options) -> None:
 @click.argument("file", type=PATH, metavar="[FILE.mcap]", required=False)
 @click.pass_obj
 def touches(options: Options, file: Path | None) -> None:
-    """Print each contact when it is over, until Ctrl-C, or those of a recording: touched, pushed,
-    hit, clamped, leaning or load, why, where on the arm, and with how much."""
+    """Print each contact when it has ended, until Ctrl-C, or the contacts of a recording: touched,
+    pushed, hit, clamped, leaning or load, with evidence, place on the arm, and strength."""
     from programs.clients.log_reader import read_log
     from programs.recordings.touches import contacts
 
@@ -64,7 +64,7 @@ def touches(options: Options, file: Path | None) -> None:
             yield from states
 
     if not options.json and file is None:
-        click.echo("contacts, each when it is over; Ctrl-C ends", err=True)
+        click.echo("contacts are printed when they have ended; Ctrl-C quits", err=True)
     count = 0
     with suppress(KeyboardInterrupt):
         for contact in contacts(read_log(file) if file else live()):
@@ -81,14 +81,14 @@ def touches(options: Options, file: Path | None) -> None:
     "--seconds",
     type=Range(min=0, min_open=True),
     metavar="S",
-    help="End after so many seconds; without it, Ctrl-C ends the recording.",
+    help="Length in seconds; without it, Ctrl-C ends the recording.",
 )
 @click.pass_obj
 def record(options: Options, file: Path, seconds: float | None) -> None:
-    """Record into a new file.
+    """Record to a new file.
 
-    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
-    joints go, as a trajectory that `contactctl start` runs.
+    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: the joint
+    positions, as a trajectory that `contactctl start` runs.
     """
     refuse_suffix(file, (".mcap", ".csv"))
     signals: list[int] = []
@@ -99,8 +99,8 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
 
 
 def show_live(options: Options) -> NoReturn:
-    """Take every State and draw some, until interrupted; those of a daemon that reads its files
-    anew, too. Raises UnreachableError, with its last known state, once there is none."""
+    """Receive every State and draw some, until interrupted; reconnects to a daemon that reloads its
+    files. Raises UnreachableError with the last known state if there is no daemon."""
     from rich.live import Live
 
     from programs.clients.dashboard import last_known
@@ -118,7 +118,7 @@ def show_live(options: Options) -> NoReturn:
             while True:
                 with client, suppress(HungUpError):
                     draw_all(live)
-                hung_up = f"the daemon hung up: it ends, or reads its files anew{last}"
+                hung_up = f"the daemon hung up: it ends, or reloads its files{last}"
                 live.update(hung_up, refresh=True)
                 wait_for_start(options.socket)
                 client = options.connect()
@@ -127,8 +127,8 @@ def show_live(options: Options) -> NoReturn:
 
 
 def _drawn(client: "Client", live: "Live") -> "Iterator[State]":
-    """States that one connection brings, some of them drawn, until the daemon ends it; what was
-    drawn last is marked where none comes. Raises UnreachableError."""
+    """States of one connection, of which some are drawn, until the daemon closes it; the display is
+    marked while none arrive. Raises UnreachableError."""
     from programs.clients.dashboard import SHOWN_SILENCE_S, Dashboard, History, Lag
 
     snapshot, states = client.subscribe()
@@ -155,7 +155,7 @@ def _drawn(client: "Client", live: "Live") -> "Iterator[State]":
 
 
 def stream_json(options: Options) -> None:
-    """Print the States as the daemon sends them, until the reader closes the pipe."""
+    """Print States as the daemon sends them, until the reader closes the pipe."""
     try:
         with options.connect() as client:
             client.subscribe()
@@ -163,14 +163,14 @@ def stream_json(options: Options) -> None:
                 sys.stdout.buffer.write(client.packet() + b"\n")
                 sys.stdout.buffer.flush()
     except BrokenPipeError:
-        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _record(options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]) -> str:
-    """Record every State as MCAP, or joint positions as CSV, by the suffix of the file. Returns why
-    it ended early, or an empty text."""
+    """Record every State as MCAP, or joint positions as CSV, by the file's suffix. Returns why the
+    recording ended early, or an empty string."""
     from programs.clients import recorder
     from programs.clients.trajectory_recorder import record_trajectory
 
@@ -190,7 +190,7 @@ def _record(options: Options, file: Path, seconds: float | None, stop: Callable[
 
 
 def _announcement(options: Options, file: Path, seconds: float | None) -> Callable[[], None]:
-    """Callback that announces a recording to a person; silent for programs and with --seconds."""
+    """Callback that announces the recording; silent with --json and with --seconds."""
 
     def announce() -> None:
         if not options.json and seconds is None:

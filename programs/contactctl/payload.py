@@ -1,5 +1,5 @@
-"""`contactctl payload`: the payload in the hand, announced or shown."""
-# ruff: noqa: PLC0415 - messages are imported by what needs them
+"""`contactctl payload`: announces or shows the payload in the hand."""
+# ruff: noqa: PLC0415 - messages are imported by the function that needs them
 
 import math
 
@@ -16,16 +16,16 @@ from programs.contactctl.replies import answer, print_json
     nargs=3,
     type=float,
     metavar="X Y Z",
-    help="Centre of the mass in the frame of the URDF's last link, in m; without it, the point "
-    "that `status` calls the tool.",
+    help="Centre of mass in the frame of the URDF's last link, in m; by default the tool point "
+    "that `status` shows.",
 )
 @click.option(
     "--box",
     nargs=3,
     type=float,
     metavar="X Y Z",
-    help="Edges of a box about that centre, along that link's axes, in m: walls keep it off the "
-    "arm and its surroundings. Without it they do not know its shape.",
+    help="Edge lengths of a box about that centre, along that link's axes, in m: shapes keep it "
+    "away from the arm and its surroundings. Without it, its size is ignored.",
 )
 @click.pass_obj
 def payload(
@@ -37,16 +37,16 @@ def payload(
     """Announce the payload in the hand, by its mass in kg or its name in the configuration, or
     `none`.
 
-    From the next tick on the model includes it as a point mass: contacts are detected as without
-    it. Without an argument: shows the announced payload and the known names. Refused while the arm
-    is guided, and if the motors could not hold it. Forgotten when the daemon ends.
+    From the next tick on the model includes it as a point mass, so that contacts are detected as
+    without it. Without an argument: shows the announced payload and the known names. Refused while
+    the arm is guided, and if the motors could not hold it. Forgotten when the daemon ends.
     """
     from daemon.protocol.requests import SetPayload
 
     beside = [f"--{name}" for name, given in (("com", com), ("box", box)) if given is not None]
     if what is None:
         if beside:
-            raise click.UsageError(f"{beside[0]} belongs to a mass")
+            raise click.UsageError(f"{beside[0]} requires a mass")
         _show_payload(options)
         return
     try:
@@ -54,7 +54,7 @@ def payload(
     except ValueError:
         if beside:
             raise click.UsageError(
-                f"{beside[0]} belongs to a mass in kg, {what!r} is a name"
+                f"{beside[0]} requires a mass in kg, {what!r} is a name"
             ) from None
         request = SetPayload(name=what)
     else:

@@ -1,4 +1,4 @@
-"""`contactctl playback`: a lead recorded until the arm holds again, and its way run, smoothed."""
+"""`contactctl playback`: records a lead until the arm holds again, and runs the smoothed path."""
 # ruff: noqa: PLC0415 - numpy and the client are imported by the command that needs them
 
 from pathlib import Path
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from daemon.protocol.state import State
     from programs.clients.client import Client
 
-SLOWER = 0.8  # from one share of the led speed to the next that is tried
+SLOWER = 0.8  # factor from one speed that is tried to the next
 
 
 @click.command(cls=Command)
@@ -28,15 +28,15 @@ SLOWER = 0.8  # from one share of the led speed to the next that is tried
     "--speed",
     type=Range(min=SLOWEST, max=1.0),
     metavar="SHARE",
-    help="Of the led speed; else the fastest within the limits.",
+    help="Fraction of the led speed; by default the largest within the limits.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
 @click.pass_obj
 def playback(options: Options, file: Path, speed: float | None, yes: bool) -> None:
-    """Repeat a lead: the arm moves to where it began, after a question, then as it was led.
+    """Repeat a lead: after confirmation the arm moves to its first pose, then as it was led.
 
-    Without FILE, a lead of the armed arm is recorded first. It is checked for
-    collisions only where the arm has shapes.
+    If FILE does not exist, a lead of the armed arm is recorded first. The path is checked for
+    collisions only if the arm has shapes.
     """
     from daemon.motion.trajectory_file import read_trajectory
     from programs.clients.led_path import led_path
@@ -47,7 +47,7 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
         recorded = read_trajectory(file, client.ask_status().joints)
         times, positions = led_path(recorded.times, recorded.positions)
         if not times:
-            hint = "without the file, a lead is recorded"
+            hint = "delete the file to record a lead"
             raise TrajectoryError(f"{file}: no joint moves in it; {hint}")
         speed = _fastest(client, recorded, times, positions) if speed is None else speed
     if not options.json:
@@ -61,7 +61,7 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
 
 
 def _record_lead(options: Options, file: Path) -> None:
-    """Record from now until an arm that was led holds or tracks again."""
+    """Record until the arm, once led, holds or tracks again."""
     from programs.clients.trajectory_recorder import record_trajectory
 
     led = False
@@ -82,7 +82,8 @@ def _record_lead(options: Options, file: Path) -> None:
 def _fastest(
     client: "Client", recorded: "TrajectoryFile", times: list[float], positions: list[list[float]]
 ) -> float:
-    """Largest share of the led speed that the arm's limits take. Raises TrajectoryError."""
+    """Largest fraction of the led speed that the limits allow, of those tried. Raises
+    TrajectoryError."""
     speed = 1.0
     while True:
         try:

@@ -1,4 +1,4 @@
-"""Point of contact of now: the States of a moment, while an arm is touched."""
+"""Present point of contact of an arm that is being touched, from a few States."""
 
 from itertools import islice
 
@@ -11,7 +11,7 @@ _STATES = 10
 
 
 def point_now(client: Client, status: Status) -> str:
-    """Touched link and point in words; empty where nothing is beyond its level."""
+    """Touched link and point in words; empty if no residual exceeds its threshold."""
     pairs = zip(status.residual, status.threshold, strict=True)
     if status.mode not in SENSING or not any(abs(r) > level for r, level in pairs):
         return ""

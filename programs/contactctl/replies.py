@@ -1,4 +1,4 @@
-"""Commands of `contactctl` and their replies: sent, waited for, printed."""
+"""Commands of `contactctl`: sends them, waits for their effect, prints the replies."""
 # ruff: noqa: PLC0415 - messages are imported by the command that needs them
 
 import sys
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 WAIT_S = 5.0
 SENSING_WAIT_S = 1.0
-RESET_S = 0.6  # a drive that is still in fault half a second after a reset has a new one
+RESET_S = 0.6  # a drive still in fault half a second after a reset is a new fault
 POLL_S = 0.02
 
-# Modes that a command leads to when it takes a while: waited for unless `--no-wait`.
+# Modes that a command leads to after some time, waited for unless `--no-wait`.
 GOALS: dict[str, frozenset[str]] = {
     "enable": frozenset({Mode.HOLDING}),
     "pause": frozenset({Mode.HOLDING}),
     "stop": frozenset({Mode.HOLDING, Mode.OFF, Mode.FAULTED}),
     "disable": frozenset({Mode.OFF}),
-    "disarm": frozenset(Mode) - {Mode.STOPPING},  # which it leads to while the arm is guided
+    "disarm": frozenset(Mode) - {Mode.STOPPING},  # a guided arm that is disarmed first stops
 }
-RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
-TO_REST = frozenset({"pause", "disarm", "stop", "disable"})  # what a person gives to have it stand
+RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # left only by a command or contact
+TO_REST = frozenset({"pause", "disarm", "stop", "disable"})  # commands that bring the arm to rest
 NOT_REACHED = "NOT REACHED: use the emergency stop."
 UNSEEN = "the arm is not seen to stand: use the emergency stop if it moves."
 NOT_REACHED_ON_ITS_WAY = "NOT REACHED: use the emergency stop if the arm moves."
@@ -43,9 +43,9 @@ YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person let
 
 
 def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
-    """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure, also
-    while a joint commanded to stop is not confirmed at standstill. With nothing to wait for, the
-    daemon's reply is printed."""
+    """Send `command`, with `wait` until it has taken effect, and print the outcome, or the daemon's
+    reply if there is nothing to wait for. Exits with 1 on failure, also if a joint commanded to
+    stop is not confirmed at standstill."""
     to_rest = command in TO_REST
     with ExitStack() as stack:
         with lost_as(NOT_REACHED if to_rest else ""):
@@ -65,8 +65,8 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
 
 
 def until_it_senses(options: Options) -> None:
-    """Wait until every joint of an arm that holds has sensed contact for as long as `arm` asks for,
-    at most SENSING_WAIT_S: a joint that does not sense is for `arm` to name."""
+    """Wait until every joint of a holding arm has sensed contact for as long as `arm` requires, at
+    most SENSING_WAIT_S; `arm` will name a joint that does not."""
     from programs.clients.sensing import sensing_for_s
     from programs.clients.waiting import asked_until
 
@@ -80,8 +80,8 @@ def until_it_senses(options: Options) -> None:
 
 @contextmanager
 def lost_as(words: str) -> Iterator[None]:
-    """Errors of the connection in the block, each behind `words` for a person at the arm; their
-    exit status stays."""
+    """Context that prefixes connection errors with `words` for a person at the arm and keeps their
+    exit status."""
     try:
         yield
     except ControlError as error:
@@ -91,8 +91,8 @@ def lost_as(words: str) -> Iterator[None]:
 
 
 def take_up_changes(options: Options) -> None:
-    """Have a daemon that is off take up files that were changed since it read them. Raises
-    ControlError where they are not."""
+    """Make a daemon in mode off reload files that were changed since it read them. Raises
+    ControlError if they are rejected."""
     with options.connect() as client:
         now = client.ask_status()
     if now.mode != Mode.OFF or not now.changed:
@@ -105,7 +105,7 @@ def take_up_changes(options: Options) -> None:
 
 
 def _without_a_new_fault(client: "Client", reply: "Reply") -> "Reply":
-    """The reply to `reset`, as a failure where a fault is latched again at once."""
+    """Reply to `reset`, turned into a failure if a new fault follows within RESET_S."""
     from msgspec.structs import replace
 
     from programs.clients.waiting import asked_until
@@ -119,18 +119,18 @@ def _without_a_new_fault(client: "Client", reply: "Reply") -> "Reply":
 
 
 def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "Reply":
-    """The reply as a failure: these joints are not confirmed at standstill."""
+    """Reply turned into a failure: these joints are not confirmed at standstill."""
     from msgspec.structs import replace
 
     reasons = [reply.message, *reply.reasons]
     if silenced:
-        reasons.append("the drives hear nothing of contactd until `reset`")
+        reasons.append("contactd sends nothing to the drives until `reset`")
     text = f"not seen to stand: {', '.join(unproved)}; {IF_IT_MOVES}"
     return replace(reply, ok=False, message=text, reasons=reasons, unproved=unproved)
 
 
 def answer(options: Options, reply: "Reply") -> None:
-    """Print a reply on stdout, or a refusal on stderr and exit 1."""
+    """Print a reply on stdout, or a refusal on stderr and exit with 1."""
     if options.json:
         print_json(reply)
     else:
@@ -155,8 +155,8 @@ def wait_for(
     client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
 ) -> "Reply":
     """Poll until the mode is in `goal` and every joint commanded to stop is confirmed at
-    standstill, until the mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also
-    while a person guides the arm, perhaps for minutes."""
+    standstill, until the mode comes to rest elsewhere, or until WAIT_S have passed. With `yields`,
+    a person who guides the arm ends the wait successfully."""
     from daemon.protocol.replies import Reply
 
     deadline = time.monotonic() + WAIT_S
@@ -173,7 +173,7 @@ def wait_for(
     text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
     if guided:
         paused = now.trajectory.state == "paused"
-        what = "the trajectory is paused" if paused else "no trajectory goes on"
+        what = "the trajectory is paused" if paused else "no trajectory will continue"
         text = f"{now.mode}: {what}; the arm holds once it is released"
     elif now.mode not in goal:
         expected = "holding" if "holding" in goal else Mode.OFF

@@ -1,4 +1,4 @@
-"""Smallest forces at the tool that are detected, over poses within the limits of the joints."""
+"""Smallest detectable forces at the tool, over poses within the joint limits."""
 
 import numpy as np
 
@@ -13,17 +13,17 @@ _POSES = 500
 
 
 def poses_within(c: Configuration) -> Matrix:
-    """Poses (500, n) [rad] within the limits: random, always the same."""
+    """Random poses (500, n) [rad] within the limits, always the same."""
     limits = limits_of(c)
     return np.random.default_rng(0).uniform(limits.lower, limits.upper, (_POSES, len(c.joints)))
 
 
 def sensitivity_over_poses(c: Configuration, model: Model) -> list[str]:
-    """Smallest detected force of a hand at the tool, in words: in motion, every joint at its
-    velocity limit, and at rest, both with nothing known of friction and gaps."""
+    """Smallest detectable force of a hand at the tool, in words: in motion, every joint at its
+    velocity limit, and at rest, before anything is learned about friction and gaps."""
     estimator, limits = build_estimator(c, model), limits_of(c)
     jacobians = [model.tool_jacobian(q) for q in poses_within(c)]
-    # A new estimator knows nothing yet: its levels are the highest.
+    # A new estimator has learned nothing yet, so its levels are the highest.
     cases = (
         ("in motion", estimator.levels_at(limits.velocity)),
         ("at rest", estimator.levels_at(np.zeros(len(c.joints)))),

@@ -1,1 +1,1 @@
-"""`contactd`: the commands that need no running daemon, and `fleet` beside one."""
+"""`contactd`: commands that need no running daemon, and `fleet`, which watches running ones."""

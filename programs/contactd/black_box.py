@@ -18,14 +18,12 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
     if not _open_to_us(path):
         raise UnreachableError(how_to_be_let_in(path))
     if left_over:
-        # Prints nothing if nothing was saved: in the service's log it comes after the reason.
+        # Silent if nothing was saved: in the journal this line follows the reason for the exit.
         if saved := save_left_over(path, directory):
             click.echo(f"saved: {saved}")
         return
     if not path.exists():
-        raise LogError(
-            f"{path}: no frames are kept there; is the daemon running, with this socket?"
-        )
+        raise LogError(f"{path}: no frame buffer there; is the daemon running, with this socket?")
     frames = read_frames(path)
     target = write_log(frames, output or new_log(directory))
     write_context(path, target)
@@ -34,7 +32,7 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
 
 
 def _open_to_us(path: Path) -> bool:
-    """True if the ring may be read, or does not exist."""
+    """True if this user may read the ring buffer, or it does not exist."""
     try:
         open_regular(path, follow=False).close()
     except PermissionError:

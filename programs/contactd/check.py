@@ -1,4 +1,4 @@
-"""`contactd check`: checks a configuration and prints what follows from it, without the bus."""
+"""`contactd check`: validates a configuration and prints derived figures, without using the bus."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,19 +29,19 @@ from programs.contactd.travels import travels
 from programs.identify.stated_levels import source, unused
 
 TRAVEL_WORDS = (
-    "until found: until the fault is detected. in the stops: while they are commanded, ever more "
-    "strongly. master missed: until a drive that hears nothing of contactd acts. in all: the sum, "
-    "of a drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
-    "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
-    "stop; falls: it lets go instead"
+    "until found: before the fault is detected. in the stops: during the escalating stop commands. "
+    "master missed: until a drive reacts to the silence of contactd. in all: the sum of these and "
+    "the quick stop, for a drive that ignores commands. too fast: for a drive that exceeds its "
+    "setpoint by speed_margin, until that is detected, plus its quick stop. daemon dies: master "
+    "missed plus quick stop; falls: the drive lets go instead"
 )
 
-_POSES = 100  # between the limits, in which a link is held by a plane or box
+_POSES = 100  # random poses within the limits, sampled for links that are always inside a shape
 
 
 def print_check(config: Path) -> None:
     """Check a configuration, describe it, and report values near their bounds and likely mistakes.
-    Raises ConfigurationError with all that is wrong."""
+    Raises ConfigurationError that lists all errors."""
     robot = load_robot(config)
     c = robot.configuration
     console = on_stdout()
@@ -50,7 +50,7 @@ def print_check(config: Path) -> None:
     levels = _levels(c, robot.identified)
     about = drives_in_words(robot)
     tables = [wiring, joints, levels, travelled, *(one for one in about if isinstance(one, Table))]
-    # On a narrow terminal a line that goes on in the next can still be read, a cut figure cannot.
+    # On a narrow terminal a wrapped line can still be read, a truncated figure cannot.
     endless = console.options.update(width=1000)
     console.width = max(
         console.width, *(console.measure(t, options=endless).maximum for t in tables)
@@ -72,11 +72,11 @@ def print_check(config: Path) -> None:
         _say_places(robot)
         _say_inside(robot, robot.walls)
     _print_bus(console, c)
-    # At the end, where it is not overlooked.
+    # Warnings come last, where they are not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
         if asked.too_much:
             say(
-                f"{joint.name}: gravity is more than the motor can hold ({asked.gravity:.4g} Nm of "
+                f"{joint.name}: gravity exceeds what the motor can hold ({asked.gravity:.4g} Nm of "
                 f"{asked.motor:.4g} Nm): are masses in kg and lengths in m?"
             )
     remarks = [*near(c, robot.model), *suspects(c, robot.urdf, robot.folder)]
@@ -92,21 +92,21 @@ def print_check(config: Path) -> None:
 
 
 def _say_places(robot: Robot) -> None:
-    """Say why shapes may be elsewhere than they are taken to be."""
+    """Report why links may not be where their shapes are assumed: outdated or unmeasured zeros."""
     c, entries = robot.configuration, robot.identified.joints if robot.identified else {}
     void = [outdated(step, robot.identified, c, robot.urdf) for step in ("wiring", "zero")]
     if unidentified("wiring", robot.identified, c) or any(void):
         say("shapes: none is guarded until wiring and zeros hold (`contactd identify wiring`)")
     if names := [j for j in c.joint_names if getattr(entries.get(j), "zero", None) is None]:
         say(
-            f"shapes: as far off as the zeros of {', '.join(names)}, which config.yaml states and "
-            "no step measured (`contactd identify zero`)"
+            f"shapes: no more accurate than the zeros of {', '.join(names)}, which config.yaml "
+            "states and no step measured (`contactd identify zero`)"
         )
 
 
 def _say_inside(robot: Robot, walls: Walls) -> None:
-    """Say which links are in a plane or box in all poses: left out by `contactd shapes`, or since a
-    place was edited."""
+    """Report links that are inside a plane or box in all poses: left out by `contactd shapes`, or
+    because the plane or box was moved since."""
     joints, bodies = robot.configuration.joints, robot.model.bodies()
     clearance = clearance_of(walls, bodies, robot.configuration.joint_names)
     most = np.full(len(clearance.pairs), -np.inf)
@@ -125,7 +125,7 @@ def _say_inside(robot: Robot, walls: Walls) -> None:
 
 
 def _say_alone(c: Configuration) -> None:
-    """Say what drives do without us, those that do the same at once."""
+    """Report each drive profile's behaviour without the master, grouped where it is the same."""
     alone: dict[str, list[str]] = {}
     for name, profile in c.drives.items():
         alone.setdefault(profile.without_us, []).append(name)
@@ -175,7 +175,7 @@ def _wiring(c: Configuration) -> Table:
 
 
 def _joints(c: Configuration, loads: list[Load]) -> Table:
-    """Table of joints; `gravity Nm` is the worst case, of the motor's torque at largest current."""
+    """Table of joints; `gravity Nm`: worst-case load, of the motor's torque at maximum current."""
     table = new_table("\njoints", "joint", "half-gap mrad", "limits rad", "gravity Nm", "end")
     for joint, load in zip(c.joints, loads, strict=True):
         table.add_row(
@@ -189,7 +189,7 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 
 
 def _levels(c: Configuration, found: Identified | None) -> Table:
-    """Table of contact levels in force, the least that learning leaves, and their source."""
+    """Table of contact levels in force, the lower bound that learning respects, and the source."""
     table = new_table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
     levels = zip(c.joints, c.least_levels, strict=True)
     add_alike(
@@ -201,7 +201,7 @@ def _levels(c: Configuration, found: Identified | None) -> Table:
 
 
 def _travels(c: Configuration) -> Table:
-    """Table of travels of the joints: if the daemon dies, and if their drives ignore commands."""
+    """Table of the joints' stopping travels: if drives ignore commands, and if the daemon dies."""
     table = new_table(
         "\ntravel, at worst, from a fault at full speed until the joint stands",
         *("joint", "speed\nrad/s", "braking\nrad/s2", "until\nfound\nrad", "in the\nstops\nrad"),
@@ -226,7 +226,7 @@ def _travels(c: Configuration) -> Table:
 
 
 def _frames(frames: tuple[FrameLoad, ...], joints: Sequence[str]) -> Table:
-    """Table of frames, a row for those that differ by their joint alone."""
+    """Table of frames; frames that differ only by joint share a row."""
     table = new_table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
     alike: dict[tuple[str, ...], list[str]] = {}
     for frame in sorted(frames, key=lambda f: f.cob_id):

@@ -1,4 +1,4 @@
-"""Drives as `contactd check` prints them, a make at a time."""
+"""Tables of drive profiles for `contactd check`, by make."""
 
 import itertools
 from collections.abc import Iterable
@@ -27,13 +27,13 @@ QUANTITY_UNITS = {
     "max_motor_speed": "rad/s",
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
-# Substitutes for quantities that a drive profile does not have.
+# Consequences of optional quantities that a drive profile leaves out.
 WITHOUT = {
     "motor_position": "integrated from the velocity",
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
 FOLDED = "mapping"  # the column that may wrap
-_LABEL = 20  # characters, beside which the widest table fits into 80
+_LABEL = 20  # longest label [characters] with which the widest table fits into 80 columns
 
 
 def drives_in_words(robot: Robot) -> list[Table | str]:
@@ -70,7 +70,7 @@ def _canopen(
 
 
 def _motors(c: Configuration) -> Table:
-    """Steps of what motors measure, a profile a row."""
+    """Table of the motors' measurement resolutions, one row per profile."""
     table = new_table(
         "\nmotors", *("profile", "model", "joints", "mrad", "mrad/s", "mNm", "Nm per A")
     )
@@ -91,8 +91,8 @@ def _motors(c: Configuration) -> Table:
 
 
 def add_alike(table: Table, rows: Iterable[tuple[str, ...]]) -> None:
-    """Add rows of joints in their order, one for those in succession that are alike, where their
-    names leave the figures room."""
+    """Add rows of joints in order; merge consecutive rows with equal cells if the merged label is
+    short enough."""
     for cells, alike in itertools.groupby(rows, key=lambda row: row[1:]):
         names = [row[0] for row in alike]
         together = f"{names[0]} to {names[-1]}"
@@ -102,12 +102,12 @@ def add_alike(table: Table, rows: Iterable[tuple[str, ...]]) -> None:
 
 
 def remark(console: Console, text: str) -> None:
-    """Print indented, over as many lines as it takes."""
+    """Print text indented and wrapped."""
     console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
 
 
 def new_table(title: str, *columns: str, gap: int = 2) -> Table:
-    """Table without lines, whose cells are never cut."""
+    """Borderless table whose cells are never truncated."""
     table = Table(
         title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0)
     )

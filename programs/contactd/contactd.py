@@ -21,7 +21,7 @@ from programs.contactd.shapes import shapes
 from programs.identify.command import identify
 
 DEMOS = ("romeo_left_arm", "openarm_left", "beam_arm")
-ENDED_BY_CTRL_C = 130  # as shells report it
+ENDED_BY_CTRL_C = 130  # exit status by shell convention: 128 + SIGINT
 CONFIG = click.argument("config", type=PATH)
 PORT = click.option(
     "--port",
@@ -31,11 +31,11 @@ PORT = click.option(
 
 
 class _Group(click.Group):
-    """Group that turns our errors into a message on stderr and their exit status, and all others
-    into a traceback and that of a program error."""
+    """Command group that reports a ContactdError as a message on stderr with its exit status, and
+    any other exception as a traceback with the exit status of a program error."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        single_threaded()  # before anything loads numpy
+        single_threaded()  # must precede the import of numpy
         try:
             refuse_stale()
             with read_to_the_end():
@@ -93,11 +93,12 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 @CONFIG
 @PORT
 def guard(config: Path, port: int | None) -> None:
-    """Guard an arm whose motors let go when nothing is sent to them: a process beside the daemon.
+    """Guard an arm whose motors let go when they receive no frames; runs beside the daemon.
 
-    While the daemon is silent it repeats the last setpoints without their velocity, so that the arm
-    holds where it is; hot motors, and those held for ten minutes, are lowered slowly along their
-    load. A daemon that is back has the arm at once. Without a guardian `contactctl arm` is refused.
+    While the daemon is silent, the guardian repeats the last setpoints with zero velocity, so that
+    the arm holds its position; motors that are hot, or have held for ten minutes, are lowered
+    slowly in the direction of their load. As soon as the daemon is back, it takes over again.
+    Without a guardian `contactctl arm` is refused.
     """
     from programs.contactd.guard import run_guard
 
@@ -113,9 +114,9 @@ def guard(config: Path, port: int | None) -> None:
     help="Explain a field instead: its meaning, how to find it, and typical values.",
 )
 def check(config: Path | None, field: str | None) -> None:
-    """Check a configuration and print what follows from it: quantities, PDOs, bus load, loads by
-    gravity, the travel of each joint if its drive or the daemon fails, the smallest force that is
-    detected, values near their bounds, likely mistakes, and why `arm` would be refused."""
+    """Check a configuration and print what follows from it: quantities, PDOs, bus load, gravity
+    loads, the stopping travel of each joint if its drive or the daemon fails, the smallest force
+    that is detected, values near their bounds, likely mistakes, and why `arm` would be refused."""
     from programs.contactd.check import print_check, print_explanation
 
     if field is not None:
@@ -131,10 +132,10 @@ def check(config: Path | None, field: str | None) -> None:
 @PORT
 def scan(config: Path, port: int | None) -> None:
     """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the
-    matching EDS in the folder; and motors of other makes.
+    matching EDS files in the folder; also motors of other makes.
 
-    It reads by SDO and sends nothing else, and is refused while a master is on the bus. Of CONFIG
-    only `bus` is read: the rest may still be wrong.
+    The scan only reads, by SDO, and is refused while a master is on the bus. Of CONFIG only `bus`
+    is read: the rest may still contain errors.
     """
     from programs.contactd.scan import run_scan
 
@@ -154,7 +155,7 @@ def scan(config: Path, port: int | None) -> None:
     "--hand",
     type=PATH,
     metavar="FILE",
-    help="Script of a person's hand (YAML), played from the arm's first motion on.",
+    help="Script of a simulated hand (YAML); its clock starts with the arm's first motion.",
 )
 @click.option(
     "--hand-socket",
@@ -166,7 +167,7 @@ def scan(config: Path, port: int | None) -> None:
 @click.option(
     "--write-truth",
     is_flag=True,
-    help="Write the true arm into simulation.yaml instead, once, from config.yaml as it is now.",
+    help="Only write simulation.yaml, the true arm, from the present config.yaml.",
 )
 def simulate(
     config: Path,
@@ -177,11 +178,11 @@ def simulate(
     door: Path | None,
     write_truth: bool,
 ) -> None:
-    """Simulate the arm of simulation.yaml beside CONFIG in real time, at the other end of CONFIG's
-    bus. Of CONFIG only the bus counts: correcting it does not change the arm.
+    """Simulate in real time the arm that simulation.yaml beside CONFIG describes, on CONFIG's bus.
+    Of CONFIG only the bus is used: corrections to it do not change the simulated arm.
 
-    A socketcand bus is served over TCP; on a socketcan bus the simulated drives join it. Events of
-    the arm are printed as lines of JSON.
+    A socketcand bus is served over TCP; the simulated drives join a socketcan bus. Events of the
+    arm are printed as lines of JSON.
     """
     if write_truth:
         from daemon.config.load import load_robot
@@ -207,7 +208,7 @@ def simulate(
     help="Length of the demonstration.",
 )  # fmt: skip
 @click.option("--record", "file", type=PATH, metavar="FILE.mcap", help="Record it to a new file.")
-@click.option("--web", is_flag=True, help="Show it on the page, too, and print its address.")
+@click.option("--web", is_flag=True, help="Also show it on the web page, and print its address.")
 @click.option(
     "--web-port", type=click.IntRange(0, 65535), default=8420, show_default=True,
     help="Port of the page; 0 takes a free one.",
@@ -215,10 +216,10 @@ def simulate(
 def demo(
     arm: str, as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int
 ) -> None:
-    """The paper's third experiment: a hand pushes, guides and lets go of a simulated arm.
+    """The paper's third experiment: a hand pushes, guides and releases a simulated arm.
 
-    Simulator and daemon are two processes that speak CAN in real time; the page is a third.
-    Exit status 0 only if every step of it happened, 130 if Ctrl-C ended it.
+    Simulator and daemon are two processes that communicate over CAN in real time; the web page is
+    a third. Exit status 0 only if every step took place, 130 if Ctrl-C ended it.
     """
     from programs.demo.demo import run_demo
 
@@ -242,14 +243,14 @@ def demo(
 @click.option(
     "--left-over",
     is_flag=True,
-    help="Save only frames left by a daemon that died and not saved yet; for service managers.",
+    help="Save only unsaved frames of a daemon that died; for service managers.",
 )
 def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None:
-    """Write the CAN frames of the last minute to a log of python-can.
+    """Write the CAN frames of the last minute to a log file of python-can.
 
-    A running daemon keeps them in memory, and has them written after every fault and when it dies;
-    this is for any other time. `python -m can.logconvert` changes the format of a log,
-    `python -m can.viewer` and others read it.
+    A running daemon keeps them in memory; they are saved automatically after every fault and when
+    the daemon dies. This command saves them at any other time. `python -m can.logconvert` converts
+    a log to another format.
     """
     from programs.contactd.black_box import write_frames
 

@@ -1,7 +1,7 @@
-"""Explanations of the fields that an owner fills in: meaning, source of the value, typical values.
+"""Explanations of the fields that a user fills in: meaning, source of the value, typical values.
 
-`contactd check --explain FIELD` prints them. Fields are named by their path in `config.yaml`,
-without indices and names chosen by the owner: `joints.wiring.gear`.
+`contactd check --explain FIELD` prints them. A field is named by its path in `config.yaml`, without
+indices and user-defined names: `joints.wiring.gear`.
 """
 
 import re
@@ -68,10 +68,10 @@ EXPLANATIONS: dict[str, Explanation] = {
                         "switches of the drives, or their maker's tool", "1000000, 500000"),
         "bus.host": ("computer that serves the bus over TCP", "only for socketcand", "127.0.0.1"),
         "bus.port": ("its TCP port", "only for socketcand", "29536"),
-        "bus.master_node": ("node id of contactd, whose heartbeat the drives watch",
-                            "any that no drive has", "127"),
+        "bus.master_node": ("node ID of contactd, whose heartbeat the drives consume",
+                            "any ID that no drive has", "127"),
         "drives.eds": ("the drive's electronic data sheet, relative to config.yaml",
-                       "from the drive's maker, for its very product and firmware", "drive.eds"),
+                       "from the drive's maker, for its exact product and firmware", "drive.eds"),
         "drives.object": ("index of the object that holds the quantity",
                           "EDS and manual", "0x6000 to 0x60FF, 0x2000 on for a maker's own"),
         "drives.subindex": ("subindex of the object", "EDS", "0"),
@@ -79,47 +79,47 @@ EXPLANATIONS: dict[str, Explanation] = {
         "drives.scale": ("unit of the quantity per count", _SCALE_FIND, "see there"),
         "drives.sign": ("-1 where the drive counts the quantity against the motor",
                         "the manual; `contactd identify wiring` reports a wrong one", "1"),
-        "drives.offset": ("counts times scale at which the quantity is 0, with the sign turned",
-                          "an encoder's zero belongs into `wiring.link_offset`", "0"),
-        "drives.tpdo": ("what the drive sends, by number of the TPDO",
-                        "at most 8 bytes each, few frames; what the EDS calls fixed must be as it "
-                        "is", '"1": [statusword, current, motor_velocity], "2": [link_position]'),
-        "drives.rpdo": ("what the drive takes, by number of the RPDO", "as for tpdo",
+        "drives.offset": ("minus the value of counts times scale at which the quantity is 0",
+                          "an encoder's zero belongs in `wiring.link_offset`", "0"),
+        "drives.tpdo": ("entries that the drive sends, by number of the TPDO",
+                        "at most 8 bytes each, few frames; a mapping that the EDS fixes must be "
+                        "kept", '"1": [statusword, current, motor_velocity], "2": [link_position]'),
+        "drives.rpdo": ("entries that the drive receives, by number of the RPDO", "as for tpdo",
                         '"1": [controlword, target_velocity]'),
         "drives.heartbeat_ms": ("period of the drive's heartbeat [ms]; three missing are a fault",
                                 "yours to choose; the EDS may limit it", "50"),
-        "drives.master_timeout_ms": ("time without our heartbeat after which the drive stops by "
-                                     "itself, or another motor, without setpoints, lets go [ms]",
-                                     "at least three periods of the loop", "100"),
+        "drives.master_timeout_ms": ("time without the master's heartbeat after which a CANopen "
+                                     "drive stops, or without setpoints after which another motor "
+                                     "lets go [ms]", "at least three periods of the loop", "100"),
         "drives.make": ("make of the drives", "docs/drives.md", "canopen, damiao, robstride, log"),
-        "drives.model": ("model of such a motor, whose gear and constants are known",
+        "drives.model": ("model of a Damiao or RobStride motor, which gives gear and constants",
                          "its label; of a Damiao, `contactd scan` guesses it", "DM4310, DM4340"),
-        "drives.position_max": ("position that the frames of such a motor reach to either side "
+        "drives.position_max": ("largest position, of either sign, that the motor's frames encode "
                                 "[rad at the output]",
                                 "register 21 of a Damiao; a RobStride's manual", "12.5"),
-        "drives.velocity_max": ("velocity that they reach [rad/s at the output]",
+        "drives.velocity_max": ("largest velocity that the frames encode [rad/s at the output]",
                                 "register 22 of a Damiao; a RobStride's manual", "10 to 45"),
-        "drives.torque_max_Nm": ("torque that they reach [Nm at the output]",
+        "drives.torque_max_Nm": ("largest torque that the frames encode [Nm at the output]",
                                  "register 23 of a Damiao; a RobStride's manual", "10 to 54"),
-        "drives.stiffness": ("stiffness of such a motor's own loop [Nm/rad at the output]",
-                             "`contactd new` proposes it: gravity pulls the joint by its torque "
-                             "over this; less where it swings, more where it sags", "10 to 150"),
+        "drives.stiffness": ("stiffness of the motor's own loop [Nm/rad at the output]",
+                             "`contactd new` proposes it: gravity deflects the joint by its torque "
+                             "over this; less if it oscillates, more if it sags", "10 to 150"),
         "drives.damping": ("damping of the same loop [Nm s/rad at the output]",
-                           "twice the root of stiffness times inertia, times 0.7; less where the "
-                           "motor hums", "0.3 to 5"),
-        "drives.answer_timeout_ms": ("time for such a motor's answer [ms]", "default", "50"),
-        "drives.torque_constant": ("torque per A of such a motor [Nm/A at the output]",
+                           "2 * 0.7 * sqrt(stiffness * inertia); less where the motor hums",
+                           "0.3 to 5"),
+        "drives.answer_timeout_ms": ("timeout for the motor's answer [ms]", "default", "50"),
+        "drives.torque_constant": ("torque per A of the motor [Nm/A at the output]",
                                    "left out: as published", "none"),
-        "drives.sdo_timeout_ms": ("how long the drive may take to answer at boot-up [ms]",
+        "drives.sdo_timeout_ms": ("timeout for the drive's SDO answers at boot-up [ms]",
                                   "longer for a drive that is slow", "500"),
         "drives.fault_reaction": ("0x605E: what the drive does in a fault", "the drive's manual",
                                   "2, a quick stop"),
         "drives.write": ("more objects to set at boot-up", "the drive's manual", "none"),
-        "drives.any_product": ("true: the drive's vendor and product need not be the EDS's",
+        "drives.any_product": ("true: the drive's vendor and product may differ from the EDS",
                                "only where the maker counts housings as products", "false"),
         "joints.name": ("name of the joint, as in the URDF", "<joint name=...> of the URDF",
                         "elbow"),
-        "joints.wiring.node": ("node id of the joint's drive", "switches of the drive; `contactd "
+        "joints.wiring.node": ("node ID of the joint's drive", "switches of the drive; `contactd "
                                "scan` lists the nodes that answer", "1 to 126, each once"),
         "joints.wiring.profile": ("kind of the joint's drive: a key of `drives`", "above",
                                   "servo_drive"),
@@ -129,8 +129,8 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.wiring.rated_current_A": ("rated (continuous) current of the motor [A]",
                                           "data sheet of the motor, and 0x6075 [mA] of the drive",
                                           "0.3 to 10"),
-        "joints.wiring.max_current_A": ("largest current that the drive may give [A]",
-                                        "data sheets of motor, gear and drive, the lowest of them",
+        "joints.wiring.max_current_A": ("largest current that the drive may supply [A]",
+                                        "the lowest value of the data sheets of motor, gear, drive",
                                         "1.5 to 3 times rated_current_A"),
         "joints.wiring.motor_sign": ("-1 where the motor counts against the joint",
                                      "turn motor and joint by hand; `contactd identify wiring`",
@@ -141,7 +141,7 @@ EXPLANATIONS: dict[str, Explanation] = {
                                       "URDF's joint is 0 [rad]",
                                       "`contactd identify zero JOINT=ANGLE`, drives off",
                                       "-3.14 to 3.14"),
-        "joints.wiring.link_correction": ("error of the link encoder that repeats each turn [rad]",
+        "joints.wiring.link_correction": ("periodic error of the link encoder per turn [rad]",
                                           "`contactd identify encoders` writes it; leave it out",
                                           "none, or 0.0001 to 0.001 once or twice per turn"),
         "joints.wiring.rated_torque_Nm": ("rated torque at the motor's shaft [Nm]; or left out",
@@ -149,34 +149,34 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.wiring.serial": ("serial number of the drive; may be left out",
                                  "on the drive, or 0x1018 sub 4", "none"),
         "joints.torque_constant": ("torque at the link per A of motor current, K_c [Nm/A]",
-                                   "the motor's constant times the gear, times its efficiency "
-                                   "(0.7 to 0.9)", "1 to 20; the motor's own 0.01 to 0.1"),
+                                   "the motor's constant times the gear ratio, times the gear's "
+                                   "efficiency (0.7 to 0.9)", "1 to 20; motor alone: 0.01 to 0.1"),
         "joints.rotor_inertia": ("inertia of rotor and gear, seen from the link, B [kg m2]",
                                  "the motor's inertia times the gear squared; `contactd identify "
                                  "friction` finds it", "0.005 to 0.5"),
-        "joints.half_gap": ("half of the play between motor and link, at the link, alpha [rad]",
-                            "`contactd identify gap JOINT`; a guess will do before",
+        "joints.half_gap": ("half of the backlash between motor and link, at the link, alpha [rad]",
+                            "`contactd identify gap JOINT`; a guess suffices until then",
                             "0.001 to 0.02 (0.06 to 1.1 degrees)"),
         "joints.friction": ("friction of motor and link, at the link [Nm, Nm s/rad]",
-                            "`contactd identify friction`; a guess will do before",
-                            "Coulomb 2 to 10 % of what the motor gives"),
-        "joints.thresholds.contact": ("torque from which on a touch is detected [Nm]",
+                            "`contactd identify friction`; a guess suffices until then",
+                            "Coulomb 2 to 10 % of the motor's torque"),
+        "joints.thresholds.contact": ("residual above which a touch is detected [Nm]",
                                       "`contactd identify thresholds`; begin high",
-                                      "5 to 15 % of what the motor gives"),
-        "joints.thresholds.collision": ("torque from which on a touch is a collision [Nm]",
+                                      "5 to 15 % of the motor's torque"),
+        "joints.thresholds.collision": ("residual above which a touch is a collision [Nm]",
                                         "several times `contact`", "5 to 8 times contact"),
-        "joints.thresholds.per_speed": ("growth of both with the motor's speed [Nm s/rad]",
+        "joints.thresholds.per_speed": ("increase of both with the motor's speed [Nm s/rad]",
                                         "`contactd identify thresholds`", "0"),
-        "joints.thresholds.least": ("contact level that learning leaves at least [Nm]; left out, "
-                                    "all of one that you state (`known`), a fifth of any other",
+        "joints.thresholds.least": ("lower bound of the contact level for learning [Nm]; left out: "
+                                    "a level that you state (`known`), a fifth of any other",
                                     "raise it where contacts are reported without a touch",
                                     "0.2 to 1 times contact"),
-        "joints.limits.lower": ("least position that is commanded [rad]",
+        "joints.limits.lower": ("smallest position that is commanded [rad]",
                                 "inside the URDF's limit and the end stop", "0.05 rad inside"),
         "joints.limits.upper": ("largest position that is commanded [rad]", "as for lower",
                                 "0.05 rad inside"),
         "joints.limits.velocity": ("largest velocity that is commanded [rad/s]",
-                                   "slow at first; the motor's speed over the gear is the end",
+                                   "slow at first; at most the motor's speed over the gear ratio",
                                    "0.5 to 2"),
         "joints.limits.acceleration": ("largest acceleration that is commanded [rad/s2]",
                                        "what the motor achieves with the arm outstretched",
@@ -185,17 +185,18 @@ EXPLANATIONS: dict[str, Explanation] = {
                                      "two to three times acceleration", "5 to 20"),
         "joints.admittance_gain": ("how softly the joint yields, K_a [rad/s per Nm]",
                                    "low at first; docs/admittance.md", "0.1 to 0.5"),
-        "joints.virtual_mass_s": ("time constant of yielding; may be left out [s]",
+        "joints.virtual_mass_s": ("time constant of yielding [s]; may be left out",
                                   "docs/admittance.md", "0.05"),
-        "joints.gap_spring": ("correction at the borders of the gap", "only from a fit", "none"),
+        "joints.gap_spring": ("correction near the edges of the gap", "only from a fit", "none"),
         "joints.body": ("mass, centre of mass and inertia tensor of the body that the joint moves, "
                         "in place of the URDF's",
                         "`contactd identify masses`; otherwise correct the URDF", "none"),
         "joints.known": ("steps of `contactd identify` that the joint does not need, each with the "
-                         "other source of its values; stated levels win", "data sheets", "none"),
-        "estimator.learning": ("friction and levels are learned at work; false: none is learned "
-                               "wrongly, but a touch takes up to five times as much, and friction "
-                               "that changes is reported as contacts",
+                         "source of its values instead; stated levels take precedence",
+                         "data sheets", "none"),
+        "estimator.learning": ("friction and levels are learned at work; false: nothing is learned "
+                               "wrongly, but a touch needs up to five times the torque, and "
+                               "friction that changes is reported as contacts",
                                "`thresholds.least` bounds it for one joint", "true"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",
                        "hold"),
@@ -204,13 +205,13 @@ EXPLANATIONS: dict[str, Explanation] = {
 
 
 def explain(field: str) -> dict[str, Explanation]:
-    """Explanations of a field by its path, by the end of its path, or as a message prints it
-    (`joints[2] (elbow).wiring.gear`); of all fields of a group. Raises ConfigurationError for one
-    that is not explained."""
+    """Explanations of a field or of all fields of a group, given its path, the end of its path, or
+    its name in a message (`joints[2] (elbow).wiring.gear`). Raises ConfigurationError for a field
+    without an explanation."""
     plain = re.sub(r"\[\d+\]( \(.*?\))?|:", "", field.strip())
     names = [name for name in plain.split(".") if name and not name.isdecimal()]
     if len(names) > 2 and names[0] == "drives":
-        del names[1]  # the owner's own name of the profile
+        del names[1]  # name of the profile, chosen by the user
     shorter = [names, names[:1] + names[-1:], names[-1:]] if names else []
     for wanted in shorter:
         for fits in (_ends, _holds):

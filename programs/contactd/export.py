@@ -1,4 +1,4 @@
-"""`contactd export`: a recording in another form."""
+"""`contactd export`: converts a recording to another format."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ NAMES = {"foxglove": "-foxglove.mcap", "csv": ".csv", "labels": "-labels.csv"}
 
 
 def export_dataset(files: Sequence[Path], target: Path, fps: int, task: str) -> bool:
-    """Write recordings as a dataset of LeRobot; True if all were whole. Raises LogError."""
+    """Write recordings as a LeRobot dataset; True if all were complete. Raises LogError."""
     refuse_unless_new(target)
     with reading(files[0]) as progress:
         broken = export_lerobot(files, target, fps, task, progress)
@@ -26,7 +26,7 @@ def export_dataset(files: Sequence[Path], target: Path, fps: int, task: str) -> 
 
 
 def export_recording(file: Path, form: str, output: Path | None) -> bool:
-    """Write `file` in another form to a new file; True if it was whole. Raises LogError."""
+    """Convert `file` into a new file; True if it was complete. Raises LogError."""
     target = output or Path(f"{file.stem}{NAMES[form]}")
     if form == "labels":
         return write_template([file], target)

@@ -1,4 +1,4 @@
-"""Fit of capsules to the links of an arm, written beside its configuration: `contactd shapes`."""
+"""`contactd shapes`: fits capsules to the links of an arm and writes them to shapes.yaml."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -39,13 +39,13 @@ from programs.command_line.sentences import say
 
 Source = Literal["collision", "visual", "inertial"]
 _TYPES = {"collision": pin.GeometryType.COLLISION, "visual": pin.GeometryType.VISUAL}
-_RIM = 24  # points of a circle, on the polygon about it
+_RIM = 24  # vertices of the polygon circumscribed about a circle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkPoints:
-    """Points (m, 3) [m] that a body contains, in the frame of its joint; all that is within
-    `radius` [m] of them belongs to it."""
+    """Points (m, 3) [m] of a body in the frame of its joint; the body extends `radius` [m] beyond
+    their convex hull."""
 
     name: str
     body: int
@@ -54,13 +54,13 @@ class LinkPoints:
 
 
 def write_shapes(config: Path, source: Source | None, *, force: bool, single: bool) -> None:
-    """Fit capsules, sample which pairs are worth guarding, write shapes.yaml and list both. Raises
-    ConfigurationError."""
-    robot = load_robot(config, walls=False)  # whatever is wrong with those that are replaced
+    """Fit capsules, sample which pairs are worth guarding, write shapes.yaml, and list capsules and
+    pairs. Raises ConfigurationError."""
+    robot = load_robot(config, walls=False)  # errors in the shapes to be replaced do not matter
     path = robot.folder / SHAPES
     if path.exists() and not force:
         raise ConfigurationError(
-            f"{path}: is there; --force fits it anew, with its margin and capsules of other names"
+            f"{path}: exists; --force replaces it, keeping its margin and capsules of other names"
         )
     around = read_surroundings(robot.folder) or Surroundings(version=1)
     before = _before(path) if path.exists() else None
@@ -76,8 +76,8 @@ def fitted(
     robot: Robot, source: Source | None, around: Surroundings, *, single: bool = False,
     before: Shapes | None = None,
 ) -> tuple[Shapes, list[str]]:  # fmt: skip
-    """Shapes of a robot, with what a person added to those `before`, and all pairs in words. Raises
-    ConfigurationError, ModelError."""
+    """Shapes of a robot, including capsules that the user added to the shapes `before`, and a
+    report of all pairs. Raises ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source, single=single)
     corners = _corners_of(robot, points_of(robot, source, single=True)[1])
     capsules = _capsules(robot, links, {one.name for one in corners})
@@ -92,19 +92,19 @@ def fitted(
 
 
 def _named_apart(folder: Path, shapes: Shapes, around: Surroundings) -> None:
-    """Raises ConfigurationError for a plane or box of a link's name."""
+    """Raise ConfigurationError for a plane or box that has the name of a link."""
     links = {one.name for one in shapes.capsules}
     for key, names in (("planes", around.planes), ("boxes", around.boxes)):
         for name in links & set(names):
             source = read_yaml(folder / SURROUNDINGS)
             raise ConfigurationError(
                 f"{source.path}:{source.line([key, name])}: {key}.{name}: the name of a link's "
-                "capsule: give it another"
+                "capsule: choose another"
             )
 
 
 def _before(path: Path) -> Shapes | None:
-    """Shapes that are replaced; None if they are no shapes."""
+    """Shapes of the file to be replaced; None, with a message, if it cannot be parsed."""
     try:
         return convert(read_yaml(path), Shapes)
     except ConfigurationError as error:
@@ -115,9 +115,9 @@ def _before(path: Path) -> Shapes | None:
 def _with_added(
     shapes: Shapes, before: Shapes | None, joints: list[str]
 ) -> tuple[Shapes, list[str]]:
-    """Shapes with the margin and the capsules that were added to those before, and these in words.
-    What was fitted to another URDF, or to other geometry of it, may be named otherwise: it is
-    listed, and not kept."""
+    """Shapes with the margin and the user's capsules of those before, and a report of the latter.
+    Capsules fitted to another URDF, or to other geometry, may have other names: they are listed,
+    not kept."""
     if before is None:
         return shapes, []
     names, alike = {one.name for one in shapes.capsules}, before.urdf == shapes.urdf
@@ -135,8 +135,8 @@ def _with_added(
 def points_of(
     robot: Robot, source: Source | None, *, single: bool = False
 ) -> tuple[Source, list[LinkPoints]]:
-    """Points of all links, of the first geometry that the URDF has; in two parts, if not single,
-    where that makes thinner capsules."""
+    """Points of all links, from the first kind of geometry that the URDF has. Unless `single`, a
+    link is split in two where that makes thinner capsules."""
     kind, links = _links_of(robot, source)
     if single:
         return kind, links
@@ -153,7 +153,7 @@ def _links_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoi
 
 
 def _described(robot: Robot, kind: str) -> Iterator[LinkPoints]:
-    """Links by their <collision> or <visual> geometry."""
+    """Links from their <collision> or <visual> geometry."""
     if f"<{kind}" not in robot.urdf:
         return
     model, _ = read_urdf(robot.urdf)
@@ -171,7 +171,7 @@ def _described(robot: Robot, kind: str) -> Iterator[LinkPoints]:
 
 
 def _points(shape: coal.CollisionGeometry, scale: Matrix) -> tuple[Matrix, float]:
-    """Points of a shape in its own frame, and the radius about them."""
+    """Points of a shape in its own frame, and the radius by which it extends beyond them."""
     up = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     if isinstance(shape, coal.Sphere):
         return np.zeros((1, 3)), shape.radius
@@ -188,8 +188,8 @@ def _points(shape: coal.CollisionGeometry, scale: Matrix) -> tuple[Matrix, float
 
 
 def _inertial(robot: Robot) -> Iterator[LinkPoints]:
-    """Links by the box of even density with their mass and inertia, and by the joints that they
-    reach from and to."""
+    """Links as the box of uniform density with their mass and inertia, extended to the joints at
+    both ends."""
     bodies = robot.model.bodies()
     for k, body in enumerate(bodies):
         points = [np.zeros((1, 3)), *_box_of(body)]
@@ -217,7 +217,7 @@ def _capsules(robot: Robot, links: list[LinkPoints], edged: set[str]) -> list[Ca
         start, end = (tuple(np.round(p, 4).tolist()) for p in (fit.start, fit.end))
         joint = joints[bodies[link.body].row] if link.body >= 0 else BASE
         fits_m = fit.radius if link.radius == 0.0 else max(fit.radius - 0.005, 0.0) + link.radius
-        radius = round(fits_m + 1e-4, 4)  # and what rounding may take
+        radius = round(fits_m + 1e-4, 4)  # 0.1 mm covers the rounding
         entries.append(
             CapsuleEntry(
                 name=link.name,
@@ -232,7 +232,7 @@ def _capsules(robot: Robot, links: list[LinkPoints], edged: set[str]) -> list[Ca
 
 
 def _corners_of(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
-    """Corners of the links that have few."""
+    """Corners of the links that have at most MOST_CORNERS."""
     joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
     for link in links:
         points = corners_of(link.points)
@@ -243,7 +243,7 @@ def _corners_of(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
 
 
 def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
-    """Pairs that are not guarded, and all pairs in words."""
+    """Pairs that are not guarded, and a report of all pairs."""
     c, bodies = robot.configuration, robot.model.bodies()
     clearance = clearance_of(walls, bodies, c.joint_names)
     lower = np.array([joint.limits.lower for joint in c.joints])
@@ -255,7 +255,7 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
         one, other = first.body, getattr(second, "body", -2)
         near = other in _carriers(bodies, one) or one in _carriers(bodies, other)
         why = found.why(neighbours=near)
-        if other == -2:  # poses through a table are no evidence, and it may be moved in its file
+        if other == -2:  # surroundings: poses through a table prove nothing, and it may be moved
             why = "always" if found.touching == 1.0 else None
         report.append(f"{'left out' if why else 'guarded':9} {first.name} - {second.name}: "
                       f"{_in_words(found)}")  # fmt: skip
@@ -270,8 +270,8 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
 def _some_guarded(
     folder: Path, walls: Walls, left_out: set[tuple[str, str]], pairs: list[tuple[str, str]]
 ) -> None:
-    """Raises ConfigurationError for a plane or box in which the whole arm is in all poses: all its
-    pairs are left out, and nothing would keep off it."""
+    """Raise ConfigurationError for a plane or box that contains the whole arm in all poses: all its
+    pairs are left out, so nothing would be kept away from it."""
     around = walls.surroundings
     for key, name in [("planes", k) for k in around.planes] + [("boxes", k) for k in around.boxes]:
         if {pair for pair in pairs if pair[1] == name} <= left_out:
@@ -279,7 +279,7 @@ def _some_guarded(
             free = ": its normal must point to the free side" if key == "planes" else ""
             raise ConfigurationError(
                 f"{source.path}:{source.line([key, name])}: {key}.{name}: the whole arm is inside "
-                f"it in all poses, nothing would keep off it{free}"
+                f"it in all poses, so nothing would be kept away from it{free}"
             )
 
 
@@ -289,5 +289,5 @@ def _carriers(bodies: list[Body], body: int) -> list[int]:
 
 def _in_words(gaps: PairGaps) -> str:
     if gaps.touching == 0.0 and gaps.least > 0.0:
-        return f"never nearer than {1000.0 * gaps.least:.0f} mm"
+        return f"never closer than {1000.0 * gaps.least:.0f} mm"
     return f"touch in {gaps.touching:.1%} of all poses"

@@ -1,5 +1,5 @@
-"""`contactd fleet`: list of all arms that a Zenoh router knows, and stops for one or all."""
-# ruff: noqa: PLC0415 - zenoh is an extra, and rich takes a while
+"""`contactd fleet`: lists all arms at a Zenoh router, and stops some or all of them."""
+# ruff: noqa: PLC0415 - zenoh is an extra, and rich is slow to import
 
 import sys
 import time
@@ -38,9 +38,9 @@ def fleet(
 ) -> None:
     """Show all arms with a `contactd-zenoh` at a Zenoh router, or stop some or all of them.
 
-    Of each arm: alive or silent since when, mode, armed, its message, and its last contact. ARM is
-    a namespace. Exit status of a stop: 0 if every arm stands, 1 if one does not or gives no answer,
-    69 if there was none. It is not an emergency stop.
+    Shows for each arm: alive or since when silent, mode, armed, message, and last contact. ARM is a
+    namespace. Exit status of a stop: 0 if every arm stands, 1 if one does not or does not answer,
+    69 if there was none. This is not an emergency stop.
     """
     if stop != (bool(arms) or every) or (arms and every) or (watch and (stop or as_json)):
         raise click.UsageError("give no option, or --watch, --stop ARM..., or --stop --all")
@@ -61,21 +61,21 @@ def _with_supervisor(
     domain: int,
     distro: str,
 ) -> int:
-    """Exit status of `use`, called with the arms at this router. Raises UnreachableError where
-    there is no router, ConfigurationError where the extra `ros` is not installed."""
+    """Exit status of `use`, called with a Supervisor of the arms at this router. Raises
+    UnreachableError without a router, ConfigurationError if the extra `ros` is not installed."""
     try:
         from programs.zenoh.names import Distro
         from programs.zenoh.supervisor import supervising
     except ModuleNotFoundError as error:
         raise ConfigurationError(
-            f"it needs the extra `ros` ({error.name}): pip install 'contactd[ros]'"
+            f"`fleet` needs the extra `ros` ({error.name}): pip install 'contactd[ros]'"
         ) from error
     with supervising(connect, configuration, domain, Distro(distro), PATIENCE_MS) as supervisor:
         return use(supervisor)
 
 
 def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
-    """Listen until each arm has reported, and print a line for each; 69 where there is none."""
+    """Listen until each arm has reported, and print a line for each; returns 69 if there is none."""
     until_s = time.monotonic() + HELD_UP_S
     time.sleep(LISTEN_S)
     while _awaited(arms := supervisor.arms()) and time.monotonic() < until_s:
@@ -87,7 +87,7 @@ def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
 
         on_stdout(width=160).print(table(arms, time.monotonic()))
     else:
-        click.echo("contactd: no arm is heard", err=True)
+        click.echo("contactd: no arm found at this router", err=True)
     return 0 if arms else UnreachableError.exit_code
 
 
@@ -97,7 +97,7 @@ def _awaited(arms: Sequence["Arm"]) -> bool:
 
 
 def _watch(supervisor: "Supervisor") -> int:
-    """The table, live, until Ctrl-C."""
+    """Show the table live until Ctrl-C."""
     from rich.live import Live
 
     with Live(screen=True, auto_refresh=False) as live:
@@ -110,8 +110,8 @@ def _watch(supervisor: "Supervisor") -> int:
 
 
 def _stop(supervisor: "Supervisor", names: Sequence[str], *, as_json: bool) -> int:
-    """Stop these arms, or all that are alive where none is named, and print the outcome of each; 1
-    where one was not seen to stand, 69 where there was none to stop."""
+    """Stop the named arms, or all that are alive, and print each outcome; returns 1 if one was not
+    confirmed at standstill, 69 if there was none to stop."""
     found = supervisor.stop([name.strip("/") for name in names]) if names else supervisor.stop_all()
     if as_json:
         print_json({name: {"outcome": what, "text": text} for name, (what, text) in found.items()})
@@ -119,13 +119,13 @@ def _stop(supervisor: "Supervisor", names: Sequence[str], *, as_json: bool) -> i
         more = f" ({text})" if text and text != outcome else ""
         click.echo(f"{name:24} {outcome}{more}", err=outcome != "stands")
     if not found:
-        click.echo("contactd: no arm is alive there", err=True)
+        click.echo("contactd: no arm is alive at this router", err=True)
         return UnreachableError.exit_code
     return 0 if all(outcome == "stands" for outcome, _ in found.values()) else 1
 
 
 def table(arms: Sequence["Arm"], now_s: float) -> "Table":
-    """The arms as a table."""
+    """Table of the arms."""
     from rich.table import Table
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""`contactd guard`: the guardian's process, which shares nothing with the daemon but the bus."""
+"""`contactd guard`: process of the guardian, which shares only the bus with the daemon."""
 
 import logging
 import os
@@ -23,11 +23,11 @@ from programs.command_line.sentences import say
 
 _log = logging.getLogger("contactd")
 
-#: Longest wait for a frame [s]: well below the time after which it takes over.
+#: Timeout of receiving a frame [s]: well below the silence after which the guardian takes over.
 TURN_S: Final = 0.002
-#: Between two tries to open a bus that has failed [s].
+#: Delay before a bus that has failed is opened again [s].
 AGAIN_S: Final = 0.5
-#: Ended while it holds an arm, it lowers it first, for so long at most [s].
+#: Longest time to lower an arm that it holds before the process ends [s].
 LOWERS_S: Final = 25.0
 
 WORDS: Final = {
@@ -49,7 +49,7 @@ def run_guard(config: Path, port: int | None) -> None:
 
 
 class _Guard:
-    """The process: one thread, which ends by signal."""
+    """Single-threaded loop of the process, ended by a signal."""
 
     def __init__(self, robot: Robot, guardian: Guardian, notifier: Notifier) -> None:
         self._robot, self._guardian, self._notifier = robot, guardian, notifier
@@ -69,7 +69,7 @@ class _Guard:
         return not holds or time.monotonic() > self._end_by_s
 
     def run(self) -> None:
-        """Guard, and open the bus again after a failure. Raises BusError if it cannot be opened at
+        """Guard, and reopen the bus after a failure. Raises BusError if the bus cannot be opened at
         the start."""
         ready = False
         while not self._ended:
@@ -86,7 +86,7 @@ class _Guard:
                 except (BusError, *BUS_FAILURES) as error:
                     if not ready:
                         raise
-                    _log.error("the bus fails: %s", error)
+                    _log.error("the bus failed: %s", error)
                     time.sleep(AGAIN_S)
 
     def _serve(self, wire: Wire) -> None:

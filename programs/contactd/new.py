@@ -1,4 +1,4 @@
-"""`contactd new`: a folder for an arm, from its URDF and its drives: their EDS, or their models."""
+"""`contactd new`: creates the folder of an arm from its URDF and its drives' EDS or models."""
 
 import shutil
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ def new_arm(
     models: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write config.yaml, simulation.yaml and copies of URDF and EDS into a new folder, and print
-    the next commands. objects: [NAME.]QUANTITY=INDEX[:SUB], models: [NAME=]MAKE:MODEL, instead of
-    sheets, as the user names them. Raises
-    ConfigurationError; nothing is overwritten, and nothing half-written is left."""
+    the next commands. sheets: [NAME=]FILE, or instead models: [NAME=]MAKE:MODEL; objects:
+    [NAME.]QUANTITY=INDEX[:SUB]. Nothing is overwritten, and no partial folder is left behind.
+    Raises ConfigurationError."""
     try:
         text = read_text(urdf)
     except OSError as error:
@@ -46,7 +46,7 @@ def new_arm(
     given = [_named(sheet) for sheet in sheets]
     named = dict(given)
     if len(named) < len(set(given)):
-        raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
+        raise ConfigurationError("--eds: two drives have the same name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
     order: Sequence[str] = [name for name, _ in given]
     drives, order = _motors(models) if models else (_of_sheets(named, objects), order)
@@ -57,7 +57,7 @@ def new_arm(
     except FileExistsError as error:
         raise ConfigurationError(f"{folder} exists: it is never overwritten") from error
     except OSError as error:
-        raise ConfigurationError(f"{folder} cannot be made: {error.strerror}") from error
+        raise ConfigurationError(f"{folder} cannot be created: {error.strerror}") from error
     try:
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
@@ -87,8 +87,8 @@ def _of_sheets(named: dict[str, Path], objects: Sequence[str]) -> dict[str, Draf
 
 
 def _motors(models: Sequence[str]) -> tuple[dict[str, Draft], Sequence[str]]:
-    """Drafts of [NAME=]MAKE:MODEL by name, and their order: one that is given again is the next
-    joint's, too."""
+    """Drafts of [NAME=]MAKE:MODEL by name, and their order, in which a repeated one stands for a
+    further joint."""
     drives: dict[str, Draft] = {}
     order = []
     for given in models:
@@ -96,12 +96,12 @@ def _motors(models: Sequence[str]) -> tuple[dict[str, Draft], Sequence[str]]:
         drafted = model_of(model)
         order.append(name or drafted.model)
         if drives.setdefault(order[-1], drafted) != drafted:
-            raise ConfigurationError(f"--drive {given}: {order[-1]} is another model already")
+            raise ConfigurationError(f"--drive {given}: {order[-1]} names another model already")
     return drives, order
 
 
 def _named(sheet: str) -> tuple[str, Path]:
-    """NAME=FILE, or a file whose own name is that of the profile."""
+    """Profile name and path from NAME=FILE, or from FILE, whose stem becomes the name."""
     name, equals, file = sheet.rpartition("=")
     if not equals or Path(sheet).is_file():
         path = Path(sheet)
@@ -114,7 +114,7 @@ def _named(sheet: str) -> tuple[str, Path]:
 def _by_hand(
     objects: Sequence[str], names: tuple[str, ...]
 ) -> dict[str, dict[str, tuple[int, int]]]:
-    """Objects that the user names, by profile and quantity."""
+    """Objects given by the user, by profile and quantity."""
     found: dict[str, dict[str, tuple[int, int]]] = {name: {} for name in names}
     for given in objects:
         where, _, place = given.rpartition("=")
@@ -135,16 +135,16 @@ def _by_hand(
 
 
 def _refuse_clashes(given: Sequence[Path]) -> None:
-    """Raise ConfigurationError where copies of two files would be one, or one of what is written
-    here."""
+    """Raise ConfigurationError if the copy of a file would overwrite another's, or a file that is
+    written here."""
     taken: dict[str, Path] = {}
     for path in given:
         if path.name in WRITTEN:
-            raise ConfigurationError(f"{path}: {path.name} is written here; give it another name")
+            raise ConfigurationError(f"{path}: {path.name} is generated; give it another name")
         other = taken.setdefault(path.name, path)
         if other.resolve() != path.resolve():
             raise ConfigurationError(
-                f"{path} and {other}: both are copied to one folder; give them names of their own"
+                f"{path} and {other}: both are copied to one folder; give them different names"
             )
 
 
@@ -165,5 +165,5 @@ def _report(folder: Path, written: str, remarks: Sequence[str], *, guarded: bool
     )
     if guarded:
         click.echo(f"  contactd guard {folder}")
-        say("    holds the arm, beside `contactd run`: these motors let go when nothing is sent to "
-            "them")  # fmt: skip
+        say("    holds the arm, beside `contactd run`: these motors let go when they receive no "
+            "frames")  # fmt: skip

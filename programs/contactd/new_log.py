@@ -1,4 +1,4 @@
-"""`contactd new --log-only`: a folder for an arm that is known from logs alone."""
+"""`contactd new --log-only`: creates the folder of an arm that is known from logs alone."""
 
 import shutil
 from collections.abc import Mapping, Sequence
@@ -24,12 +24,12 @@ from programs.identify.guesses import OTHERS
 from programs.identify.log_names import NamedLog, beside, read_names
 from programs.identify.mcap_log import headers
 
-_AS_IT_IS = (0.4, 2.5)  # scales of a torque that are rather errors of the URDF
+_AS_IT_IS = (0.4, 2.5)  # torque scales that rather reflect errors of the URDF's masses
 
 
 def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
-    """Write a configuration into a new folder, and names of the columns beside each log that has
-    none, and print both. Raises ContactdError; nothing is overwritten, or left half-written."""
+    """Write a configuration into a new folder and a names file beside each log that has none, and
+    print both. Nothing is overwritten, and no partial file is left. Raises ContactdError."""
     if folder.exists():
         raise ConfigurationError(f"{folder} exists: it is never overwritten")
     written: list[Path] = []
@@ -104,7 +104,7 @@ def _write(
     found = scales(aligned, robot.model)
     shown = [one for one in found if one.constant]
     usual = float(np.median([abs(one.constant) for one in shown] or [1.0]))
-    # One program wrote them all: where most torques are at the links, so are the others.
+    # One program wrote all columns: if most torques are at the link side, all are.
     at_link, known = _AS_IT_IS[0] < usual < _AS_IT_IS[1], read_names(logs[0])
     constants = [
         _constant(name, one, usual, known, at_link=at_link)
@@ -115,7 +115,7 @@ def _write(
     write_names()
     if columns:
         log = replace(log, current=log.current * np.array([factors[name][0] for name in names]))
-    # Torques at the links need no constant, whatever the masses say of them.
+    # Torques at the link side need no constant, so the URDF's masses do not cast doubt on it.
     kept = {name for name in names if at_link and known and f"torque.{name}" in known.conversions}
     marked = [
         (k, "" if name in kept else why) for name, (_, k, why) in zip(names, constants, strict=True)
@@ -124,31 +124,31 @@ def _write(
 
 
 def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
-    """Guess of the columns of a log; of an MCAP, of the topic that has most of them. Raises
-    LogError where no joint is found in it."""
+    """Guessed columns of a log; of an MCAP, those of the topic with the most matching fields.
+    Raises LogError if no joint is found in it."""
     joints = [one.joint for one in ranges]
     by_topic = headers(log) if is_mcap(log) else {"": header_of(log)}
     topic = max(by_topic, key=lambda one: len(named_columns(by_topic[one], joints)), default="")
     header = by_topic.get(topic)
     if not header:
-        raise LogError(f"{log}: no names of columns, no messages: it is empty")
+        raise LogError(f"{log}: empty: it has no column names and no messages")
     named = named_columns(header, joints)
     there = f"{there_are(header)}; name them in {beside(log).name} beside it (docs/logs.md)"
     if ("", "time") not in named:
-        raise LogError(f"{log}: no column is a time by its name; {there}")
+        raise LogError(f"{log}: no column has the name of a time; {there}")
     table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"], topic)
     found = replace(guessed(named, table, ranges), topic=topic)
     if not found.joints:
         raise LogError(f"{log}: no joint of {urdf.name} ({', '.join(joints)}) has a position and a "
-                       f"torque or current, by the names of columns; {there}")  # fmt: skip
+                       f"torque or current among the column names; {there}")  # fmt: skip
     return found
 
 
 def _constant(
     joint: str, scale: Scale, usual: float, named: NamedLog | None, *, at_link: bool
 ) -> tuple[float, float, str]:
-    """Factor of a joint's column, its torque constant [Nm/A], and the reason; usual: that of other
-    joints; at_link: torques are."""
+    """Factor of a joint's column, its torque constant [Nm/A], and the reason. usual: median of all
+    joints' constants; at_link: the log's torques are at the link side."""
     k = scale.constant
     if named is not None and f"torque.{joint}" in named.conversions:
         if not k:

@@ -1,4 +1,4 @@
-"""`contactd plot`: a recording as a page or a picture, and the values of a joint at a time."""
+"""`contactd plot`: plots a recording to HTML, PNG or SVG, and prints values at a time."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +17,9 @@ SUFFIXES = (".html", ".png", ".svg")
 def plot_recording(
     file: Path, joints: Sequence[str], around: str, window_s: float, output: Path | None
 ) -> bool:
-    """Draw `file` to `output`, by default a page beside the working directory's other files, and
-    print where it is; True if the recording was whole. Raises LogError."""
-    target = output or Path(f"{file.stem}.html")  # a stem may have dots of its own
+    """Plot `file` to `output`, by default an HTML page in the working directory, and print its
+    path; True if the recording was complete. Raises LogError."""
+    target = output or Path(f"{file.stem}.html")  # with_suffix would cut a stem that has dots
     refuse_suffix(target, SUFFIXES)
     with reading(file) as progress:
         view = read_view(file, joints, around, window_s, progress)
@@ -44,13 +44,13 @@ def _write(view: View, target: Path, *, every_joint: bool) -> None:
 
 
 def newest_fault(around: str) -> tuple[Path, str]:
-    """The recording of the newest log of the black box that has a fault, else of the newest, and
-    where to look: at its fault, unless something else was asked or it has none. Raises LogError."""
+    """Recording of the newest black-box log with a fault, else of the newest log, and what to plot
+    around: its fault, unless `around` is given or there is none. Raises LogError."""
     from programs.recordings.recomputed import as_recording, last_fault  # noqa: PLC0415 - slow
 
     log = last_fault()
     file = as_recording(log)
-    click.echo(f"{log}: the estimator begins anew on its frames, thresholds are higher than then")
+    click.echo(f"{log}: the estimator starts afresh on its frames, with higher thresholds")
     if not around and read_contents(file)[0].faults:
         around = "fault"
     return file, around

@@ -1,4 +1,4 @@
-"""Commands of `contactd` that answer from recordings: replay, plot, whatif, export."""
+"""Commands of `contactd` on recordings: replay, plot, whatif, export."""
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
 import sys
@@ -13,7 +13,7 @@ _FRAMES = (".blf", ".log", ".asc")
 
 
 def _recording(_: click.Context, __: click.Parameter, file: Path | None) -> Path | None:
-    """The recording itself, or that which a log of the black box gives."""
+    """Path of a recording; a black-box log is converted to one."""
     if file is None or file.suffix.lower() not in _FRAMES:
         return file
     from programs.recordings.recomputed import as_recording
@@ -28,8 +28,8 @@ def _recordings(
 
 
 def _by_config(file: Path, config: Path | None) -> bool:
-    """True for a log of another program, which needs a configuration, and nothing else takes one.
-    Raises UsageError."""
+    """True for a log of another program. Raises UsageError if such a log lacks --config, or a
+    recording has it."""
     from programs.identify.log_names import is_foreign
 
     foreign = is_foreign(file)
@@ -51,15 +51,14 @@ CONFIG = click.option(
 @CONFIG
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
 def replay(file: Path, config: Path | None, as_json: bool) -> None:
-    """Summarise a recording, and check that its estimates still come out the same.
+    """Summarise a recording, and check that its estimates are reproduced.
 
-    Duration, modes, contacts with joint, torque and duration, faults, lost states. Then the
-    estimator runs over its samples again: every bit must be the same, or the first difference is
-    shown. Exit status 0 only if the recording is whole and bit-identical; 65 for one that this
-    version cannot compare.
+    Shows duration, modes, contacts with joint, torque and duration, faults, lost states. Then the
+    estimator runs over the samples again: the result must be bit-identical, or the first difference
+    is shown. Exit status 0 only if the recording is complete and bit-identical; 65 for one that
+    this version cannot compare.
 
-    Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by
-    the estimator of --config.
+    Of a log of another program: residuals and contacts according to the estimator of --config.
     """
     if _by_config(file, config) and config is not None:
         from programs.contactd.replay_log import print_log
@@ -86,8 +85,8 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
 @click.option(
     "--last-fault",
     is_flag=True,
-    help="Plot the newest log of the black box that has a fault, else the newest at all, "
-    "around that fault unless --around is given.",
+    help="Plot the newest black-box log that has a fault, around that fault unless --around is "
+    "given; without a fault, the newest log.",
 )
 @CONFIG
 @click.option(
@@ -102,8 +101,8 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
     default="",
     metavar="WHERE",
     callback=_around,
-    help="Only around this: a time in seconds from the beginning, contact:N as `replay` "
-    "counts them, or fault (the first), fault:N. Also prints the values of each joint then.",
+    help="Plot only around this: a time in seconds from the beginning, contact:N as numbered by "
+    "`replay`, fault (the first) or fault:N. Also prints each joint's values at that time.",
 )
 @click.option(
     "--window",
@@ -112,14 +111,14 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
     default=5.0,
     show_default=True,
     metavar="S",
-    help="Length of what is shown around it.",
+    help="Length of the section shown around it.",
 )
 @click.option(
     "-o",
     "--output",
     type=PATH,
     metavar="FILE",
-    help="FILE.html, .png or .svg; by default an .html of its name, here.",
+    help="FILE.html, .png or .svg; by default the recording's name with .html, in this folder.",
 )
 def plot(
     file: Path | None,
@@ -133,9 +132,9 @@ def plot(
     """Plot a recording: residual and threshold, velocity, current, gap, modes, contacts, faults.
 
     A page (.html) is one file that needs no network: zoom by dragging, choose joints, click an
-    event. A log of the black box (.blf) may stand for FILE: its frames are decoded and the
-    estimator runs over them anew. PNG and SVG need matplotlib (extra `plot`), and show the joints
-    that were touched unless --joint is given.
+    event. FILE may be a black-box log (.blf): its frames are decoded and the estimator runs over
+    them afresh. PNG and SVG need matplotlib (extra `plot`), and show the joints that were touched
+    unless --joint is given.
     """
     from programs.contactd.plot import newest_fault, plot_recording
 
@@ -171,7 +170,7 @@ def plot(
     "--residual",
     default="",
     metavar="NAME",
-    help="Another residual that ran beside, such as classical or two_mass.",
+    help="Another residual computed alongside, such as classical or two_mass.",
 )
 @click.option(
     "--set",
@@ -184,12 +183,12 @@ def plot(
 @click.option(
     "--fresh",
     is_flag=True,
-    help="Replay as after switching on, without what had been learned until then.",
+    help="Replay as after switching on, without the learned state.",
 )
 @click.option(
     "--until-reaction",
     is_flag=True,
-    help="Leave out what follows the arm's first reaction to a contact.",
+    help="Leave out all samples after the arm's first reaction to a contact.",
 )
 @click.option(
     "--labels",
@@ -202,14 +201,14 @@ def plot(
     "proposal",
     type=PATH,
     metavar="FILE.csv",
-    help="Write the recorded contacts as such a file, to be corrected, and end.",
+    help="Only write the recorded contacts as such a file, to be corrected.",
 )
 @click.option(
     "--per-hour",
     type=Range(min=0),
     default=1.0,
     show_default=True,
-    help="False contacts an hour that are bearable: chooses the level.",
+    help="Acceptable false contacts per hour, which determine the chosen level.",
 )
 @click.option(
     "--workers",
@@ -224,18 +223,19 @@ def plot(
     metavar="tcp://HOST:PORT",
     help="Use the workers of a dask cluster instead (extra `cluster`).",
 )
-@click.option("-o", "--output", type=PATH, metavar="FILE.html", help="Draw the curves, too.")
+@click.option("-o", "--output", type=PATH, metavar="FILE.html", help="Also plot the curves.")
 @CONFIG
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")  # fmt: skip
 def whatif(proposal: Path | None, **asked: Any) -> None:
     """Report which contacts recordings would have had at other levels or with other settings.
 
-    Of a folder all .mcap below it are read, with --config all .csv. Levels need no estimator: a
-    level is the configured one, raises and what learning left of it count as recorded. Settings are
-    replayed. What follows the arm's first reaction is hypothetical: it would have moved otherwise.
+    Of a folder, all .mcap files below it are read, with --config all .csv files. A level replaces
+    the configured one without the estimator: how it was raised and lowered is taken as recorded.
+    Settings are replayed. All that follows the arm's first reaction is hypothetical: it would have
+    moved differently.
 
-    A recording that cannot be read is named, and the rest goes on; exit status 1 then. Answers are
-    kept in the user's cache, so what was interrupted goes on from there.
+    A recording that cannot be read is reported and skipped; the exit status is then 1. Answers are
+    cached for the user, so that an interrupted run can be continued.
     """
     from programs.contactd.whatif import Request, print_whatif, write_template
 
@@ -252,29 +252,29 @@ def whatif(proposal: Path | None, **asked: Any) -> None:
     "--foxglove",
     "form",
     flag_value="foxglove",
-    help="MCAP of Foxglove's own schemas: the arm in 3D with the touched link lit, joint "
+    help="MCAP in Foxglove's own schemas: the arm in 3D with the touched link highlighted, joint "
     "states, named values, log (extra `foxglove`).",
 )
 @click.option(
     "--csv",
     "form",
     flag_value="csv",
-    help="One row per tick; `contactd identify --log` reads it, too.",
+    help="CSV with one row per tick; `contactd identify --log` reads it, too.",
 )
 @click.option(
     "--labels",
     "form",
     flag_value="labels",
-    help="The contacts as labels, to be corrected for `whatif --labels`.",
+    help="Contacts as labels, to be corrected for `whatif --labels`.",
 )
 @click.option("--lerobot", "dataset", type=PATH, metavar="DIR",
-              help="A new dataset of LeRobot, an episode for each FILE.")  # fmt: skip
+              help="A new LeRobot dataset with one episode per FILE.")  # fmt: skip
 @click.option("--fps", type=Range(1, 200), default=50, show_default=True,
               help="Frames of the dataset per second.")  # fmt: skip
 @click.option("--task", default="recorded with contactd", show_default=True, metavar="TEXT",
-              help="Task of its episodes.")  # fmt: skip
+              help="Task of the dataset's episodes.")  # fmt: skip
 @click.option("-o", "--output", type=PATH, metavar="FILE",
-              help="A new file; by default one of the recording's name, here.")  # fmt: skip
+              help="A new file; by default named after the recording, here.")  # fmt: skip
 def export(
     files: tuple[Path, ...],
     form: str | None,
@@ -283,7 +283,7 @@ def export(
     task: str,
     output: Path | None,
 ) -> None:
-    """Write a recording in another form, for other programs. No file is overwritten."""
+    """Convert a recording for other programs. No file is overwritten."""
     from programs.contactd.export import export_dataset, export_recording
 
     if (form is None) == (dataset is None):

@@ -1,4 +1,4 @@
-"""`contactd replay`: summary of a recording, and a check of its estimates, bit by bit."""
+"""`contactd replay`: summarises a recording and checks that its estimates are bit-identical."""
 
 import datetime
 from dataclasses import asdict
@@ -17,7 +17,7 @@ CONTACTS_SHOWN = 40
 
 
 def print_replay(file: Path, *, as_json: bool) -> bool:
-    """Replay `file` and report; True if it is whole and every estimate came out the same. Raises
+    """Replay `file` and report; True if it is complete and all estimates are bit-identical. Raises
     LogError if there is nothing to read, or nothing that can be compared."""
     contents = Contents()
     with reading(file, shown=not as_json) as progress:
@@ -39,13 +39,13 @@ def print_replay(file: Path, *, as_json: bool) -> bool:
 
 
 def data(contents: Contents) -> dict[str, Any]:
-    """Contents for JSON."""
+    """Contents as data for JSON."""
     report = {name: value for name, value in asdict(contents).items() if not name.startswith("_")}
     return {**report, "duration_s": contents.duration_s}
 
 
 def lines(file: Path, contents: Contents) -> list[str]:
-    """Contents in words."""
+    """Contents as lines of text."""
     alone = len(contents.joints) == 1
     joints = contents.joints[0] if alone else f"{len(contents.joints)} joints"
     report = [
@@ -74,7 +74,7 @@ def listed(name: str, rows: list[str]) -> list[str]:
 
 
 def contact_row(number: int, one: ContactSeen) -> str:
-    """One contact in a line."""
+    """One contact as a line of text."""
     lasted = "to the end" if one.duration_s is None else f"for {one.duration_s:.2f} s"
     hard = ", a collision" if one.level == "collision" else ""
     return (
@@ -84,7 +84,7 @@ def contact_row(number: int, one: ContactSeen) -> str:
 
 
 def _when(contents: Contents) -> str:
-    """When it was made; nothing of a lockstep run, which has no time of day."""
+    """Time of the recording; empty for a lockstep run, which has no time of day."""
     if not contents.begun_wall_s:
         return ""
     try:
@@ -95,7 +95,7 @@ def _when(contents: Contents) -> str:
 
 
 def verdict(contents: Contents, result: Replay) -> list[str]:
-    """Result of the comparison, in words; empty where none was made."""
+    """Result of the comparison as lines of text; empty if none was made."""
     if result.older:
         return []
     report = []

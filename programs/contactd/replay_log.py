@@ -1,4 +1,4 @@
-"""`contactd replay LOG.csv`: residuals and contacts of a log that is no recording."""
+"""`contactd replay LOG.csv`: residuals and contacts of a log of another program."""
 
 from pathlib import Path
 

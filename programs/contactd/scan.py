@@ -1,4 +1,4 @@
-"""`contactd scan`: nodes on the bus, and the EDS in the folder that match them; reads only."""
+"""`contactd scan`: lists the nodes on the bus with the matching EDS files; reads only."""
 
 import math
 from pathlib import Path
@@ -22,7 +22,7 @@ from programs.command_line.sentences import aligned, say
 
 
 class _Bus(msgspec.Struct, frozen=True):
-    """The only part of `config.yaml` that is read: the others may not be there yet."""
+    """Only part of `config.yaml` that is read, as the rest may not be written yet."""
 
     bus: BusSettings
 
@@ -35,7 +35,7 @@ def run_scan(config: Path, port: int | None) -> None:
         bus = msgspec.structs.replace(bus, port=port)
     sheets = data_sheets(path.parent)
     where = f"{bus.interface} {bus.channel}"
-    say(f"listening for a master on {where}, then asking 127 nodes: some fifteen seconds")
+    say(f"listening for a master on {where}, then querying 127 nodes: about fifteen seconds")
     opened = open_bus(bus)
     try:
         found = scan(opened.wire)
@@ -49,14 +49,14 @@ def run_scan(config: Path, port: int | None) -> None:
 
 
 def bus_of(source: Source) -> BusSettings:
-    """`bus` of a configuration, whatever else is wrong with it. Raises ConfigurationError."""
+    """`bus` of a configuration; nothing else is checked. Raises ConfigurationError."""
     if not isinstance(source.data, dict) or "bus" not in source.data:
-        raise ConfigurationError(f"{source.path}: no `bus`")
+        raise ConfigurationError(f"{source.path}: `bus` is missing")
     return convert(source, _Bus).bus
 
 
 def data_sheets(folder: Path) -> dict[str, dict[str, int]]:
-    """VendorNumber and ProductNumber of every EDS in a folder that can be read, by file name."""
+    """VendorNumber and ProductNumber of each readable EDS in a folder, by file name."""
     sheets = {}
     for path in sorted(folder.glob("*.[eE][dD][sS]")):
         try:
@@ -70,7 +70,7 @@ def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str
     """Nodes found, as lines of a table."""
     if not found:
         return [
-            "no node answers: are the drives powered, is the bitrate theirs, is the bus terminated?"
+            "no node answers: are the drives powered, is the bitrate right, is the bus terminated?"
         ]
     rows = [("node", "vendor", "product", "serial", "modes", "EDS")]
     rows += [
@@ -85,14 +85,14 @@ def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str
         for one in found
     ]
     return aligned(rows) + [
-        f"two nodes answer as node {one.node}: switch one off, give it a number of its own"
+        f"two drives answer as node {one.node}: switch one off and give it another node ID"
         for one in found
         if one.twice
     ]
 
 
 def motor_table(motors: list[damiao.FoundMotor]) -> list[str]:
-    """Damiao motors found, as lines of a table: registers as a profile names them."""
+    """Damiao motors found, as lines of a table; registers have their names in a profile."""
     if not motors:
         return []
     head = "id", "master id", "model by its gear", "position_max", "velocity_max", "torque_max_Nm"
@@ -134,7 +134,7 @@ def robstride_table(motors: list[robstride.FoundMotor]) -> list[str]:
 
 
 def fitting(one: FoundNode, sheets: dict[str, dict[str, int]]) -> list[str]:
-    """Names of the EDS files whose vendor and product are these, as far as they state them."""
+    """Names of the EDS files whose vendor and product numbers, if stated, match a node."""
     return [
         name
         for name, numbers in sheets.items()

@@ -1,4 +1,4 @@
-"""Worst-case travel of each joint after a fault, as `contactd check` prints it."""
+"""Worst-case stopping travel of each joint after a fault, for `contactd check`."""
 
 import math
 from typing import Final
@@ -8,26 +8,26 @@ from daemon.faults.following import LATENCY_TICKS, TICKS
 from drivers.stopping.travel import Travel, worst_travel
 from drivers.stopping.witness import FROZEN_READINGS
 
-#: Of what is counted in samples, the first is the one with which the fault begins; the next SYNC
-#: brings it.
+#: Ticks to add to rules that count samples: the fault begins with the first of them, which arrives
+#: with the next SYNC.
 SAMPLED_TICKS: Final = 2
 
 
 def noticing_ticks(c: Configuration) -> int:
-    """Ticks until a drive that does not follow its setpoints is detected, by the slowest of the
-    rules that may be the only one to apply."""
+    """Ticks until a drive that does not follow its setpoints is detected: those of the slowest
+    rule, since only one of them may apply."""
     silence_s = max(profile.silence_s for profile in c.drives.values())
     lag_ticks = math.ceil(3.0 * c.control.drive_lag_ms / c.period_ms)
     return max(
         c.supervisor.stale_ticks,
-        FROZEN_READINGS + SAMPLED_TICKS,  # everything repeats
+        FROZEN_READINGS + SAMPLED_TICKS,  # readings are frozen
         math.ceil(round(silence_s / c.period_s, 6)) + 1,
-        TICKS + LATENCY_TICKS + lag_ticks + SAMPLED_TICKS,  # it does not follow
+        TICKS + LATENCY_TICKS + lag_ticks + SAMPLED_TICKS,  # velocity does not follow the setpoint
     )
 
 
 def travels(c: Configuration) -> list[Travel]:
-    """Travel of each joint."""
+    """Worst-case travel of each joint."""
     noticing_s = noticing_ticks(c) * c.period_s
     return worst_travel(
         c.joint_drives, c.period_s, noticing_s, speed_margin=c.supervisor.speed_margin

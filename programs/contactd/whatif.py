@@ -1,4 +1,4 @@
-"""`contactd whatif`: contacts of recordings at other levels, by another residual, or with other
+"""`contactd whatif`: contacts that recordings would have had with other levels, residuals or
 settings."""
 
 import math
@@ -28,7 +28,7 @@ MOST_LEVELS: Final = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """Options and arguments of the command line."""
+    """Arguments and options of the command line."""
 
     places: tuple[Path, ...]
     thresholds: tuple[str, ...]
@@ -47,7 +47,7 @@ class Request:
 
 
 def print_whatif(request: Request) -> bool:
-    """Ask, and report; True if every recording gave a whole answer. Raises ContactdError."""
+    """Evaluate the recordings and report; True if all were complete. Raises ContactdError."""
     if request.output is not None:
         refuse_suffix(request.output, (".html", ".htm"))
     question = Question(
@@ -67,7 +67,7 @@ def print_whatif(request: Request) -> bool:
         for recording, f in read.items()
     ]
     if labels and not any(one.labels for one in asked):
-        raise LogError(f"{request.labels}: its labels are of other files: {', '.join(labels)}")
+        raise LogError(f"{request.labels}: its labels are for other files: {', '.join(labels)}")
     total = Total()
     shown = not request.as_json
     with (
@@ -98,11 +98,11 @@ def _ends_early(answer: Answer) -> str:
 
 
 def _recordings_of(places: Sequence[Path], config: Path | None) -> dict[Path, Path]:
-    """Recordings, and the files that they are made of: themselves, or logs of other programs."""
+    """File that each recording comes from: itself, or a log of another program."""
     if config is None:
         files = recordings_in(places)
         if foreign := next((file for file in files if file.suffix == ".csv"), None):
-            raise click.UsageError(f"{foreign}: --config is needed: the robot's folder")
+            raise click.UsageError(f"{foreign}: needs --config, the robot's folder")
         return {file: file for file in files}
     from programs.identify.foreign import recording_of  # noqa: PLC0415 - slow
 
@@ -110,7 +110,7 @@ def _recordings_of(places: Sequence[Path], config: Path | None) -> dict[Path, Pa
 
 
 def write_template(places: Sequence[Path], target: Path, config: Path | None = None) -> bool:
-    """Write the contacts of recordings as labels to correct; True if all could be read."""
+    """Write the contacts of recordings as labels to be corrected; True if all could be read."""
     refuse_unless_new(target)
     rows, complete = [], True
     for recording, file in _recordings_of(places, config).items():
@@ -132,7 +132,7 @@ def write_template(places: Sequence[Path], target: Path, config: Path | None = N
 
 
 def _levels_of(texts: Sequence[str], option: str) -> dict[str, tuple[float, ...]]:
-    """Levels of each joint. Raises UsageError, also for a joint that is named twice."""
+    """Levels by joint. Raises UsageError, also for a joint that is named twice."""
     parsed = [parse_levels(text, option) for text in texts]
     levels = dict(parsed)
     if len(levels) < len(parsed):
@@ -141,7 +141,7 @@ def _levels_of(texts: Sequence[str], option: str) -> dict[str, tuple[float, ...]
 
 
 def parse_levels(text: str, option: str) -> tuple[str, tuple[float, ...]]:
-    """Joint and levels of `JOINT=LOW:HIGH:STEP` or `JOINT=A,B`. Raises UsageError."""
+    """Joint and levels from `JOINT=LOW:HIGH:STEP` or `JOINT=A,B`. Raises UsageError."""
     joint, _, levels = text.partition("=")
     try:
         found = _levels(levels)
@@ -156,7 +156,7 @@ def parse_levels(text: str, option: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _levels(text: str) -> list[float]:
-    """Ascending levels; empty for an empty range. Raises ValueError for what is no number."""
+    """Levels in ascending order; empty for an empty range. Raises ValueError if not numeric."""
     if ":" not in text:
         return sorted({float(part) for part in text.split(",")})
     low, high, step = (float(part) for part in text.split(":"))
@@ -168,7 +168,7 @@ def _levels(text: str) -> list[float]:
 
 
 def data(total: Total, found: Sequence[Detection]) -> dict[str, Any]:
-    """Everything for JSON; what is not known is null."""
+    """All results for JSON; unknown values are null."""
     return {
         "files": total.files,
         "failed": [{"file": a.file, "why": a.failed} for a in total.failed],
@@ -193,7 +193,7 @@ def data(total: Total, found: Sequence[Detection]) -> dict[str, Any]:
 
 
 def curve_data(one: Detection) -> dict[str, Any]:
-    """One curve for JSON."""
+    """One curve for JSON; NaN becomes null."""
 
     def known(point: Point) -> dict[str, Any]:
         values = asdict(point).items()
@@ -206,7 +206,7 @@ def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable
     about = (
         f"{counted(len(total.answers), 'recording', 'recordings')}, "
         f"{total.watched_s / 3600:.3g} h watched, of that "
-        f"{total.outside_s / 3600:.3g} h outside of labels; bearable: {bearable:g} an hour"
+        f"{total.outside_s / 3600:.3g} h outside of labels; acceptable: {bearable:g} per hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}
     page = filled("curves", "Detection curves", about, curves)

@@ -1,4 +1,4 @@
-"""Answers of `contactd whatif` in words."""
+"""Answers of `contactd whatif` as text."""
 
 import math
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ from programs.recordings.question import ARM, Answer, Found, Question
 
 ROWS_SHOWN: Final = 24
 CONTACTS_SHOWN: Final = 12
-FILES_SHOWN: Final = 5  # with more, only totals and failures are printed
+FILES_SHOWN: Final = 5  # with more files, only totals and failures are printed
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """A number with its noun."""
+    """Number with its noun in the singular or plural."""
     return f"{number} {one if number == 1 else many}"
 
 
 def lines(
     question: Question, bearable: float, total: Total, found: Sequence[Detection]
 ) -> list[str]:
-    """The answer in words."""
+    """Answer as lines of text."""
     report = []
     for answer in total.answers if len(total.answers) <= FILES_SHOWN else []:
         report += _recording(question, answer)
@@ -36,8 +36,8 @@ def lines(
         )
     if any(not answer.shares_known for answer in total.answers) and found:
         report.append(
-            "recorded before the share that learning leaves was: levels are taken to have been "
-            "lowered by as much at every level"
+            "recorded by a version without the lowering of levels by learning: every level is "
+            "assumed to have been lowered by as much"
         )
     for one in found:
         report += _curve(question, bearable, total, one)
@@ -56,12 +56,12 @@ def _recording(question: Question, answer: Answer) -> list[str]:
         else:
             report.append(
                 f"  the arm first reacted at {answer.reaction_s:.2f} s: what follows is "
-                "hypothetical, it would have moved otherwise (--until-reaction leaves it out)"
+                "hypothetical, as it would have moved differently (--until-reaction leaves it out)"
             )
     if answer.skipped_s:
         report.append(
             f"  {answer.skipped_s:.1f} s after lost states are left out of the replay, as the "
-            "estimator cannot know how they began (--fresh begins without)"
+            "estimator's state there is unknown (--fresh begins without it)"
         )
     report += _contacts("as recorded", answer.recorded)
     if _changed(question):
@@ -103,20 +103,20 @@ def _curve(question: Question, bearable: float, total: Total, one: Detection) ->
         report.append(row + ("  <- chosen" if k == one.chosen else ""))
     if one.chosen == 0 and len(one.points) > 1 and one.name != ARM:
         report.append(
-            "  even the lowest level asked about was quiet: nothing here shows which is too low"
+            "  even the lowest of these levels is quiet: nothing here shows which is too low"
         )
     hours = total.outside_s / 3600.0
     if not labelled:
         report.append(
-            "  no label is of this joint: every contact outside of all labels counts as an alarm"
+            "  no label is for this joint: every contact outside of all labels counts as an alarm"
             if total.outside_s < total.watched_s
             else "  every contact counts as an alarm here: label the touches (--labels)"
         )
     if one.chosen is None:
-        report.append(f"  no level has at most {bearable:g} an hour")
+        report.append(f"  no level has at most {bearable:g} per hour")
     elif bearable * hours < 1.0:
         report.append(
-            f"  {hours:.3g} h cannot show {bearable:g} an hour: one contact in it is "
+            f"  {hours:.3g} h cannot prove {bearable:g} per hour: a single contact already makes "
             f"{1.0 / hours if hours else math.inf:.0f}; record longer before you trust it"
         )
     return report
@@ -127,7 +127,7 @@ def _ms(seconds: float) -> str:
 
 
 def _shown(one: Detection) -> list[int]:
-    """Rows of a long curve that are printed: evenly spread, and the chosen one."""
+    """Rows of a curve that are printed: evenly spaced, the last, and the chosen one."""
     every = max(math.ceil(len(one.points) / ROWS_SHOWN), 1)
     rows = set(range(0, len(one.points), every)) | {len(one.points) - 1}
     return sorted(rows | ({one.chosen} if one.chosen is not None else set()))

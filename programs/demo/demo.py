@@ -1,5 +1,5 @@
-"""`contactd demo`: simulator and daemon as two processes, a guardian where the drives let go in
-silence, a hand, and a report of the run."""
+"""`contactd demo`: runs simulator and daemon as two processes, with a guardian if the drives need
+one, and a simulated hand, and reports on the run."""
 
 import contextlib
 import json
@@ -32,15 +32,15 @@ from simulator.hand_script import read_script
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HAND = "third_experiment.yaml"
 START_PATIENCE_S = 20.0
-SETTLE_S = 1.5  # at rest after the drives are enabled, before the arm is armed
+SETTLE_S = 1.5  # time at rest after the drives are enabled, before arming
 ARM_PATIENCE_S = 5.0
 END_PATIENCE_S = 10.0
-FRAMES_EVERY = 10  # ticks between two pictures of the live view
+FRAMES_EVERY = 10  # ticks between two frames of the dashboard
 
 
 @dataclass(slots=True)
 class _Run:
-    """Record of the run so far."""
+    """States of the run so far."""
 
     snapshot: Snapshot | None = None
     states: list[State] = field(default_factory=list)
@@ -55,9 +55,9 @@ def run_demo(
     file: Path | None = None,
     page_port: int | None = None,
 ) -> bool:
-    """Play the third experiment on an arm of configs/, recorded to a new file if one is named; True
-    if the story happened. With `page_port` the page shows it, and a person at a terminal begins
-    and ends it. Raises ContactdError."""
+    """Run the third experiment on an arm of configs/, optionally recorded to a new file; True if
+    all checks pass. With `page_port` the page shows it, and a person at a terminal starts and ends
+    it. Raises ContactdError."""
     if file is not None:
         refuse_suffix(file, (".mcap",))
         refuse_unless_new(file)
@@ -80,11 +80,11 @@ def run_demo(
         ):
             try:
                 if person and page_port is not None:
-                    click.pause("open it in a browser; any key begins the story", err=True)
+                    click.pause("open it in a browser; press any key to start", err=True)
                 with _recorded(daemon, door, file):
                     _play(daemon, door, run, seconds, console if live else None)
                 if person and page_port is not None:
-                    click.pause("the page is still there; any key ends it", err=True)
+                    click.pause("the page is still served; press any key to end it", err=True)
             except ContactdError as error:
                 raise ControlError(f"{error}\n{log.read_text()}".rstrip()) from error
             daemon.send_signal(signal.SIGTERM)
@@ -108,7 +108,7 @@ def run_demo(
 def _play(
     daemon: subprocess.Popen[str], door: Path, run: _Run, seconds: float, console: Console | None
 ) -> None:
-    """Play the person's part: enable, arm, start; then watch."""
+    """Act as the operator: enable, arm, start; then watch, disarm and stop."""
     with _connect(daemon, door) as orders, _connect(daemon, door) as stream:
         run.snapshot, states = _patiently(stream)
         with _picture(console) as picture:
@@ -129,12 +129,12 @@ def _play(
 
 @contextlib.contextmanager
 def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> Iterator[None]:
-    """Record everything that happens in the block, by `contactctl record` in its own process."""
+    """Context that is recorded by `contactctl record` in a separate process."""
     if file is None:
         yield
         return
     with _connect(daemon, door) as client:
-        _patiently(client)  # it can be recorded from here on
+        _patiently(client)  # waits until recording is possible
     with _process(
         "--socket", door, "record", file, of="contactctl.contactctl", out=subprocess.PIPE
     ) as process:
@@ -150,7 +150,7 @@ def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> I
 
 
 def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
-    """Watch for so long, by the loop's own time."""
+    """Watch for `seconds` of loop time."""
     first = next(watch)
     while next(watch).time_s - first.time_s < seconds:
         pass
@@ -159,7 +159,7 @@ def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
 def _watch(
     states: Iterator[State], run: _Run, picture: Live | None, *, quiet: bool
 ) -> Iterator[State]:
-    """States of the stream, each kept and shown on its way."""
+    """States of the stream, each stored in `run` and shown."""
     assert run.snapshot is not None
     for state in states:
         run.states.append(state)
@@ -182,11 +182,11 @@ def _picture(console: Console | None) -> Iterator[Live | None]:
 
 
 def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
-    """Connection to the daemon, as soon as its socket is there."""
+    """Connection to the daemon, as soon as its socket exists."""
     deadline = time.monotonic() + START_PATIENCE_S
     while True:
         try:
-            return Client(door, START_PATIENCE_S)  # on a busy machine it is slow to begin
+            return Client(door, START_PATIENCE_S)  # the start is slow on a busy computer
         except ContactdError:
             if daemon.poll() is not None or time.monotonic() > deadline:
                 raise ControlError("the daemon did not start; its output:") from None
@@ -194,7 +194,7 @@ def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
 
 
 def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
-    """Subscribe; until the drives are set up the daemon answers late, or not yet."""
+    """Subscribe, retrying until the drives are set up, as the daemon may not answer before."""
     deadline = time.monotonic() + START_PATIENCE_S
     while True:
         try:
@@ -207,8 +207,8 @@ def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
 
 @contextlib.contextmanager
 def _page(door: Path, port: int | None) -> Iterator[None]:
-    """The page of the daemon at `door`, while the block lasts; its first line is its address. None
-    without a port."""
+    """Context in which the page of the daemon at `door` is served and its address printed, unless
+    there is no port."""
     if port is None:
         yield
         return
@@ -230,8 +230,8 @@ def _process(
     out: int | None = None,
     err: IO[str] | None = None,
 ) -> Iterator[subprocess.Popen[str]]:
-    """Process `contactd ...`, or another `of` our commands, ended at the end of the block whatever
-    happens."""
+    """Context with a process `contactd ...`, or another module `of` programs, which is killed at
+    the end if it still runs."""
     command = [sys.executable, "-m", f"programs.{of}", *map(str, arguments)]
     with subprocess.Popen(command, stdout=out, stderr=err, text=True) as process:
         try:
@@ -243,7 +243,7 @@ def _process(
 
 @contextlib.contextmanager
 def _listening(simulator: subprocess.Popen[str]) -> Iterator[None]:
-    """Wait until the simulator reports that it listens, in its first line."""
+    """Wait for the simulator's first line, which reports that it listens."""
     assert simulator.stdout is not None
     if "listening" not in simulator.stdout.readline():
         raise ControlError("the simulator did not start")
@@ -258,16 +258,16 @@ def _free_port() -> int:
 
 def _print_report(console: Console, story: Story, frame: str, passed: bool, *, ended: bool) -> None:
     table = Table(title="The third experiment", title_justify="left", box=None, pad_edge=False)
-    for column in ("", "what had to happen", "measured"):
+    for column in ("", "expected", "measured"):
         table.add_column(column)
     for check in story.checks():
         table.add_row("[green]yes[/]" if check.happened else "[red]NO[/]", check.what, check.figure)
-    table.add_row("[green]yes[/]" if ended else "[red]NO[/]", "the arm was left in good order", "")
+    table.add_row("[green]yes[/]" if ended else "[red]NO[/]", "the processes ended properly", "")
     console.print(table)
     report = story.report(ended_well=ended)
     late, work = report["lateness_us"], report["tick_us"]
     console.print(
-        f"\nloop: {report['ticks']} ticks, {report['missed']} missed; woken late by "
+        f"\nloop: {report['ticks']} ticks, {report['missed']} missed; wake-up lateness "
         f"{late['p50'] / 1000:.2f} ms (median), {late['p99'] / 1000:.2f} ms (p99), "
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"
@@ -278,13 +278,13 @@ def _print_report(console: Console, story: Story, frame: str, passed: bool, *, e
 
 
 def verdict(passed: bool, missed: int) -> str:
-    """Last line of the report, with rich's markup; `missed` counts deadlines."""
+    """Last line of the report, with rich markup; `missed` counts deadlines."""
     if passed:
-        return "[bold green]the story happened[/]"
+        return "[bold green]all as expected[/]"
     if not missed:
         return "[bold red]it failed[/]"
-    # Late ticks make the daemon stop and hold, which is right, and another story.
+    # After late ticks the daemon stops and holds, which is right but not the experiment.
     return (
-        f"[bold red]it failed[/]: this machine was too busy, {missed} deadlines were missed; "
+        f"[bold red]it failed[/]: this computer was too busy, {missed} deadlines were missed; "
         "try again"
     )

@@ -1,4 +1,4 @@
-"""Story of the demonstration: checks and figures from its States and from the hand's acts. Pure."""
+"""Evaluation of the demonstration: checks and figures from States and the hand's acts. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,21 +13,21 @@ from daemon.protocol.state import Snapshot, State, Wrench
 from programs.clients.wrench import force_words, wrench_words
 from simulator.hand_script import Press, Script
 
-# After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
+# Time in which the residual decays and the arm swings back through its gaps after the release [s].
 AFTERGLOW_S = 0.3
 BEFORE_S = 0.05
-# Longest time from the begin of a push to its contact [s].
+# Longest allowed delay from the start of a push to its contact [s].
 PROMPT_S = 0.5
 # Least distance over which the hand must have led the arm [rad].
 LED_AT_LEAST = 0.15
-# Tolerance of the quiet time: it is counted in whole ticks, each of which may come late [s].
+# Tolerance of the quiet time, which is counted in ticks that may be late [s].
 QUIET_SLACK_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Time during which the hand was on the arm [s, CLOCK_MONOTONIC]; force with which it pressed
-    the tool at first, and until when."""
+    """Time during which the hand touched the arm [s, CLOCK_MONOTONIC]; force and end of its initial
+    press on the tool."""
 
     begin_s: float
     end_s: float
@@ -37,7 +37,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that had to happen."""
+    """One expected outcome."""
 
     what: str
     happened: bool
@@ -45,7 +45,7 @@ class Check:
 
 
 def touch_of(events: Sequence[dict[str, Any]], script: Script = ()) -> Touch | None:
-    """Touch from the simulator's event lines: the first act of the hand to its release."""
+    """Touch, from the hand's first act to its release, by the simulator's events."""
     times = [(e["monotonic_s"], e["text"]) for e in events if e["kind"] == "hand"]
     begins = [t for t, text in times if text.startswith("begin")]
     ends = [t for t, text in times if text == "begin release"]
@@ -64,7 +64,7 @@ def percentiles(values: Sequence[float]) -> dict[str, float]:
 
 
 class Story:
-    """Figures of one run, all taken from its States."""
+    """Figures of one run, computed from its States."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Story:
 
     @property
     def modes(self) -> list[tuple[float, str]]:
-        """Changes of the mode as (time [s], mode)."""
+        """Mode changes as (time [s], mode)."""
         changes: list[tuple[float, str]] = []
         for state in self._states:
             if not changes or changes[-1][1] != state.mode:
@@ -105,19 +105,19 @@ class Story:
 
     @property
     def faults(self) -> list[str]:
-        """Faults that the daemon reported, a latched one or not."""
+        """Faults that the daemon reported, latched or not."""
         notices = [notice for state in self._states for notice in state.notices]
         return [notice.text for notice in notices if notice.kind == "fault"]
 
     def touched(self, state: State) -> bool:
-        """True if the hand was on the arm, or had just left it."""
+        """True if the hand touched the arm, or had just released it."""
         touch, now = self._touch, state.timing.monotonic_s
         return touch is not None and touch.begin_s <= now <= touch.end_s + AFTERGLOW_S
 
     @property
     def false_contacts(self) -> dict[str, int]:
-        """Times that a residual passed its threshold with no hand on the energised arm, counted for
-        the one that decides and for those beside it on the same samples."""
+        """Number of times that a residual exceeded its threshold without a hand on the energised
+        arm, for the residual that decides and for the others computed on the same samples."""
         counts = {"backlash": 0, **dict.fromkeys(self._states[0].beside, 0)}
         above = {name: np.zeros(len(self._snapshot.joints), dtype=bool) for name in counts}
         for state in self._states:
@@ -133,7 +133,7 @@ class Story:
 
     @property
     def _resume(self) -> int | None:
-        """Index of the first state that tracks again after admittance."""
+        """Index of the first State in tracking after admittance."""
         pairs = zip(self._states, self._states[1:], strict=False)
         for i, (before, after) in enumerate(pairs, start=1):
             if before.mode == Mode.ADMITTANCE and after.mode == Mode.TRACKING:
@@ -152,13 +152,13 @@ class Story:
 
     @property
     def resume_jump(self) -> float:
-        """Largest change of a commanded velocity from one tick to the next in the second after
-        the resumption, as a multiple of what the acceleration limit allows."""
+        """Largest change of a setpoint from one tick to the next in the second after the
+        resumption, relative to the one that the acceleration limit allows."""
         return max(self._jumps() / (self._acceleration * self._c.period_s), default=0.0)
 
     @property
     def resume_jump_rad_s(self) -> float:
-        """Largest change of a commanded velocity from one tick to the next, as above [rad/s]."""
+        """Largest change of a setpoint from one tick to the next, as above [rad/s]."""
         return float(max(self._jumps(), default=0.0))
 
     def _jumps(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -173,29 +173,29 @@ class Story:
         return np.array([joint.limits.acceleration for joint in self._c.joints])
 
     def _led(self) -> float:
-        """Distance by which the hand led the joint that moved furthest [rad]."""
+        """Largest displacement of a joint by the hand [rad]."""
         guided = [state for state in self._states if state.mode == Mode.ADMITTANCE]
         if not guided:
             return 0.0
-        way = np.array(guided[-1].link_position) - np.array(guided[0].link_position)
-        return float(np.abs(way).max())
+        moved = np.array(guided[-1].link_position) - np.array(guided[0].link_position)
+        return float(np.abs(moved).max())
 
     @property
     def said(self) -> Wrench | None:
-        """Force at the tool shortly before the press ends; None without one."""
+        """Estimated force at the tool shortly before the press ends; None without one."""
         until = self._touch.pressed_until_s if self._touch else 0.0
         last = [s for s in self._states if s.timing.monotonic_s < until - BEFORE_S]
         return last[-1].wrench if last else None
 
     def force(self, frame: str) -> str:
-        """The force of the push and what was said of it, in words; empty without a press."""
+        """Words on the true and the estimated force of the push; empty without a press."""
         if self._touch is None or (said := self.said) is None:
             return ""
         true = force_words(self._touch.force_N, frame)
-        return f"the hand pushed with {true}; contactd said {wrench_words(said, frame)}"
+        return f"the hand pushed with {true}; contactd estimated {wrench_words(said, frame)}"
 
     def checks(self) -> list[Check]:
-        """Checks of everything that had to happen, in order."""
+        """Checks of all expected outcomes, in order."""
         names = [mode for _, mode in self.modes]
         touch = self._touch
         detected_s = next(
@@ -226,12 +226,12 @@ class Story:
             ),
             Check("the hand led the arm", self._led() >= LED_AT_LEAST, f"{self._led():.2f} rad"),
             Check(
-                f"it went on after {wanted:g} quiet seconds",
+                f"it continued after {wanted:g} quiet seconds",
                 wanted - 1e-3 <= quiet <= wanted + lateness,
                 f"{quiet:.3f} s",
             ),
             Check(
-                "it went on without a jump",
+                "it continued without a jump",
                 self._resume is not None and self.resume_jump <= 1.001,
                 f"{self.resume_jump_rad_s:.4f} rad/s in a tick",
             ),

@@ -1,1 +1,1 @@
-"""`contactd-foxglove`: States of a running arm to Foxglove, live."""
+"""`contactd-foxglove`: live States of a running arm for Foxglove."""

@@ -1,6 +1,6 @@
-"""`contactd-foxglove`: the running daemon's States, live, for Foxglove (extra `foxglove`).
+"""`contactd-foxglove`: live States of the running daemon for Foxglove (extra `foxglove`).
 
-A process of its own, like every reader: the daemon neither waits for it nor knows of viewers.
+A separate process, like every reader: the daemon neither waits for it nor knows of viewers.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from programs.clients.client import Client, decoded
 from programs.command_line.options import PATH, Range
 
 RETRY_S: Final = 1.0
-TICKS_UNSEEN: Final = 50  # between two looks whether anybody watches
+TICKS_UNSEEN: Final = 50  # ticks between two checks for subscribed viewers
 NO_NOTICES: Final = b'"notices":[]'  # in the JSON of a State
 
 
@@ -31,17 +31,17 @@ NO_NOTICES: Final = b'"notices":[]'  # in the JSON of a State
     "--host",
     default="127.0.0.1",
     show_default=True,
-    help="Address to listen at. Its clients can see everything and change nothing.",
+    help="Address to listen on. Its clients can see everything and change nothing.",
 )
 @click.option("--port", type=click.IntRange(1, 65535), default=8765, show_default=True)
 @click.option("--rate", type=Range(min=1, max=1000), default=33.0, show_default=True,
-              help="Values a second of each joint; notices are never left out.")  # fmt: skip
+              help="Values per second of each joint; notices are never left out.")  # fmt: skip
 @click.version_option(package_name="contactd", prog_name="contactd-foxglove")
 def main(socket: Path | None, host: str, port: int, rate: float) -> None:
     """Show the running daemon live in Foxglove: open ws://HOST:PORT there.
 
-    The arm in 3D with the touched link lit, joint states, named values and the log, as `contactd
-    export --foxglove` writes them. Waits for the daemon, and for the next where it ends.
+    Shows the arm in 3D with the touched link highlighted, joint states, named values and the log,
+    as `contactd export --foxglove` writes them. Waits for the daemon, and again after its end.
     """
     try:
         import foxglove  # noqa: F401, PLC0415 - an extra
@@ -72,8 +72,8 @@ def serve(
     report: Callable[[str], None],
     going: Callable[[], bool] = lambda: True,
 ) -> None:
-    """Serve viewers until `going()` is false, with one daemon after another. Raises OSError or
-    RuntimeError where it cannot listen."""
+    """Serve viewers until `going()` is false, across restarts of the daemon. Raises OSError or
+    RuntimeError if it cannot listen."""
     from foxglove import Context, start_server  # noqa: PLC0415 - an extra
 
     unreachable = ""
@@ -108,7 +108,7 @@ def _show(
     viewers: Any,
     going: Callable[[], bool],
 ) -> None:
-    """Show States as long as the daemon sends them. Without viewers they are not decoded."""
+    """Publish States as long as the daemon sends them. Without viewers they are not decoded."""
     from programs.recordings.export import Clock  # noqa: PLC0415
     from programs.recordings.foxglove import FoxgloveChannels  # noqa: PLC0415
 
@@ -132,7 +132,7 @@ def _show(
 
 
 def _viewers() -> Any:
-    """Listener that remembers that a new viewer came."""
+    """Listener that records that a new viewer subscribed."""
     from foxglove.websocket import ServerListener  # noqa: PLC0415 - an extra
 
     class Viewers(ServerListener):

@@ -1,4 +1,4 @@
-"""`contactd identify`: a command for each step."""
+"""Command group `contactd identify`, with a command for each step."""
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
 import sys
@@ -22,14 +22,13 @@ def identify(context: click.Context, config: Path | None, socket: Path | None) -
     """Identify an arm's parameters, step by step, on the arm or on recorded logs.
 
     Without a step: lists the known parameters of each joint, their quality and age, and the next
-    command; nothing moves. The options here belong to that; each step has its own.
+    command; nothing moves. The options below apply only to this list; each step has its own.
 
-    Without --log a running daemon moves the arm, and the person beside it has read
+    Without --log, the running daemon moves the arm; the person beside it must have read
     docs/commissioning.md. Each step asks before the arm moves. Drives that are off are enabled for
-    it, and are off again after it; the daemon then takes up what was found. After a fault it asks
-    whether to reset that, too. Every step can be stopped by Ctrl-C at any time: the arm holds, and
-    the same command goes on from there. Results go to
-    identified.yaml beside the configuration.
+    the step and switched off after it; the daemon then loads the results. After a fault the step
+    offers to reset it. Ctrl-C stops a step at any time: the arm holds, and the same command
+    continues from there. Results are written to identified.yaml beside the configuration.
     """
     if context.invoked_subcommand is None:
         from programs.identify.identification import show_overview
@@ -37,7 +36,7 @@ def identify(context: click.Context, config: Path | None, socket: Path | None) -
         sys.exit(0 if show_overview(config, socket) else 1)
     given = {context.get_parameter_source(option) for option in ("config", "socket")}
     if ParameterSource.COMMANDLINE in given:
-        raise click.UsageError("--config and --socket go behind the step")
+        raise click.UsageError("--config and --socket must follow the step's name")
 
 
 def _command(step: Step) -> click.Command:

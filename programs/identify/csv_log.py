@@ -1,4 +1,4 @@
-"""Logs of other programs, CSV or MCAP: the columns that a step needs, at even times."""
+"""Reader of logs of other programs, CSV or MCAP: the columns of a step at even times."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -27,24 +27,22 @@ Lines = NDArray[np.int64]
 def read_csv(
     path: Path, joints: Sequence[str], constants: Mapping[str, float], *, of_gap: bool = False
 ) -> tuple[MotionLog, tuple[str, ...]]:
-    """Log of these joints from a CSV file, and what was done to its times.
+    """Log of these joints, and notes on its columns and times.
 
-    Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
-    the link] (divided by the torque constant), `link_position.JOINT` [rad] and perhaps
-    `motor_velocity.JOINT` [rad/s at the link], else the change of a position,
-    `motor_position.JOINT` [rad at the link] and `setpoint.JOINT` [rad/s at the link]. A gap
-    (`of_gap`) needs either of the motor's two. Other columns may hold
-    anything; a file of names and units beside the log (`log_names`) maps columns of other
-    names.
+    Columns are `time` [s] and for each joint `current.JOINT` [A], or `torque.JOINT` [Nm at the
+    link], which is divided by the torque constant, and `link_position.JOINT` [rad]. Optional are
+    `motor_velocity.JOINT` [rad/s at the link], by default the derivative of a position,
+    `motor_position.JOINT` [rad at the link] and `setpoint.JOINT` [rad/s at the link]; for a gap
+    (`of_gap`) one of the motor's two is required. Other columns are ignored; a names file beside
+    the log (`log_names`) maps columns of other names and units.
 
-    Times rounded so coarsely that neighbours are equal are spread evenly, rows logged twice or
-    holding what was measured before left out, and samples at uneven times put on an even raster.
-    Raises LogError.
+    Equal rounded times are spread evenly, rows that are logged twice or repeat an earlier
+    measurement are left out, and samples at uneven times are resampled. Raises LogError.
     """
     table, twice = once(_table(path, joints))
     table, held = unheld(table)
     if len(table["time"]) == 0:
-        raise LogError(f"{path}: there are no samples in it")
+        raise LogError(f"{path}: it contains no samples")
     missing: list[str] = []
     for joint in joints:
         torque = table.get(f"{_ALSO}.{joint}")
@@ -56,54 +54,54 @@ def read_csv(
             missing.append(" or ".join(sides))
     if missing:
         instead = [
-            f"; {lacks.replace('current', _ALSO)} [Nm] would do with a `torque_constant`"
+            f"; {lacks.replace('current', _ALSO)} [Nm] suffices with a `torque_constant`"
             for lacks in missing[:1]
             if lacks.startswith("current.")
         ]
-        raise LogError(f"{path}: no column {', '.join(missing)}{''.join(instead)}; columns of "
-                       f"other names: {beside(path).name} beside it (docs/logs.md)")  # fmt: skip
+        raise LogError(f"{path}: no column {', '.join(missing)}{''.join(instead)}; to use other "
+                       f"columns, name them in {beside(path).name} (docs/logs.md)")  # fmt: skip
     time_s, notes = spread_evenly(table["time"])
     derived = [joint for joint in joints if f"{_SIDES[0]}.{joint}" not in table]
-    grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
+    grows = bool((np.diff(time_s) > 0.0).all())  # otherwise MotionLog refuses it below
     for joint in derived:
         of = table.get(f"{_SIDES[1]}.{joint}", table[f"{COLUMNS[1]}.{joint}"])
         table[f"{_SIDES[0]}.{joint}"] = np.gradient(of, time_s) if grows else np.zeros_like(of)
     if derived and not of_gap:
-        notes += (f"no {_SIDES[0]} of {', '.join(derived)}: taken from the change of position",)
+        notes += (f"no {_SIDES[0]} of {', '.join(derived)}: derived from the position",)
     columns: dict[str, Matrix] = {}
     for name in COLUMNS:
         found = [table[f"{name}.{j}"] for j in joints if f"{name}.{j}" in table]
         if len(found) == len(joints):
             columns[name] = np.stack(found, axis=1)
-    try:  # before anything is interpolated
+    try:  # checks the samples before they are interpolated
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    for name, way in zip(joints, np.ptp(log.link_position, axis=0).tolist(), strict=True):
-        if about := too_far(name, way):
+    for name, span in zip(joints, np.ptp(log.link_position, axis=0).tolist(), strict=True):
+        if about := too_far(name, span):
             raise LogError(f"{path}: {about}")
     return rastered(log, twice + held + notes + _assumed(path, joints))
 
 
 def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
-    """Note on motor positions that the file of names states, or none."""
+    """Note on constant motor positions that the names file states, or none."""
     named = read_names(path)
     given = named.conversions if named else {}
     stated = [f"{name} {given[name].offset:g} rad" for name in (f"{_SIDES[1]}.{j}" for j in joints)
               if name in given and not given[name].column]  # fmt: skip
     return (f"assumed in {beside(path).name}, not measured: {', '.join(stated)}; gap and contacts "
-            "are right only where the motor stood there",) if stated else ()  # fmt: skip
+            "are only right if the motor stood there",) if stated else ()  # fmt: skip
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
-    """Columns that any step may need, by name, in SI."""
+    """Columns of the log by name, in SI, in the rows that count."""
     named = read_names(path)
     header, rows = _rows(path, named.topic if named else "")
     conversions, which = _conversions(path, joints, header, named)
     columns = sorted({one.column for one in conversions.values() if one.column})
     columns += [which.column] if which else []
     if twice := [name for name in columns if header.count(name) > 1]:
-        raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
+        raise LogError(f"{path}: duplicate columns {printable(', '.join(twice)[:100])}")
     time = conversions["time"].column if "time" in conversions else ""
     table, lines = _values(path, header, rows, columns, time)
     if which is not None:
@@ -119,19 +117,19 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
 
 
 def there_are(header: Sequence[str]) -> str:
-    """Names of columns, in words."""
+    """Column names, as part of a message."""
     there = printable(", ".join(header)[:200])
-    return f"there are {there}, by commas" if there else "it is empty"
+    return f"there are {there}, separated by commas" if there else "it is empty"
 
 
 def header_of(path: Path) -> list[str]:
-    """Names of the columns of a CSV. Raises LogError."""
+    """Column names of a CSV. Raises LogError."""
     return _rows(path, "")[0]
 
 
 def numbers_of(path: Path, columns: Sequence[str], time: str, topic: str = "") -> dict[str, Vector]:
-    """Columns of a log as they stand there; `time` names the one that may be times of day. Raises
-    LogError, also for too few rows, or one that has no number."""
+    """Columns of a log without conversion; `time` names the one that may contain times of day.
+    Raises LogError, also for too few rows or a value that is no number."""
     table, lines = _values(path, *_rows(path, topic), columns, time)
     if len(table) < SHORTEST:
         raise ShortLogError(f"{path}: the log is too short: {len(table)} samples, at least "
@@ -147,7 +145,7 @@ def _values(
     columns: Sequence[str],
     time: str,
 ) -> tuple[Matrix, Lines]:
-    """Rows (N, k) of these columns, and their lines or messages (N,)."""
+    """Values (N, k) of these columns, and the line or message number of each row (N,)."""
     at = [header.index(name) for name in columns]
     stamp = columns.index(time) if time in columns else -1
     values, lines = list[list[float]](), list[int]()
@@ -164,7 +162,7 @@ def _values(
 def _refuse_rows(
     path: Path, table: Matrix, lines: Lines, columns: Sequence[str], time: str
 ) -> None:
-    """Raises LogError, which names the row, for what is no number, and a time before another."""
+    """Raise LogError, naming the row, for a value that is not finite or a time that decreases."""
     place = f"{path}: message " if is_mcap(path) else f"{path}:"
     if len(bad := np.argwhere(~np.isfinite(table))):
         k, i = bad[0]
@@ -177,13 +175,13 @@ def _refuse_rows(
 
 
 def is_mcap(path: Path) -> bool:
-    """True for a log whose rows are the messages of a topic."""
+    """True for an MCAP log, whose rows are the messages of a topic."""
     return path.suffix == ".mcap"
 
 
 def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequence[str | float]]]]:
-    """Names of the columns of a CSV, or of a topic, and its rows with their line or number. Raises
-    LogError, also while rows are read."""
+    """Column names of a CSV or topic, and an iterator of its rows with line or message number.
+    Raises LogError, also while rows are read."""
     if is_mcap(path):
         return read_rows(path, topic)
 
@@ -201,12 +199,12 @@ def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequen
             raise LogError(f"cannot read {path}: {why}") from error
 
     def whole() -> Iterator[tuple[int, list[str]]]:
-        blank = 0  # line, which is no fault at the end of a file
+        blank = 0  # first blank line, allowed only at the end of the file
         for line, row in rest:
             if not row or not (row[0].strip() or row[1:]):
                 blank = blank or line
             elif blank:
-                raise LogError(f"{path}:{blank}: a blank line amid the rows")
+                raise LogError(f"{path}:{blank}: blank line between rows")
             elif len(row) != len(header):
                 why = ("is a decimal written with a comma?" if len(row) > len(header)
                        else "is the file cut off?")  # fmt: skip
@@ -218,16 +216,16 @@ def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequen
     rest = lines()
     header = [name.strip() for name in next(rest, (1, []))[1]]
     if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), "")):
-        raise LogError(f"{path}:1: fields stand apart by {other!r}, allowed are commas; decimals "
-                       "have a point")  # fmt: skip
+        raise LogError(f"{path}:1: fields are separated by {other!r}, allowed are commas; decimals "
+                       "need a point")  # fmt: skip
     return header, whole()
 
 
 def _conversions(
     path: Path, joints: Sequence[str], header: list[str], named: NamedLog | None
 ) -> tuple[dict[str, Conversion], Rows | None]:
-    """Columns of the quantities of these joints, and the rows that count: by the file of names, or
-    by the columns' own names."""
+    """Conversions of these joints' quantities, and the rows that count, from the names file or the
+    columns' own names."""
     known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
     if named is None:
         if "time" not in header:
@@ -250,7 +248,7 @@ def _conversions(
 def _numbers(
     path: Path, line: int, row: Sequence[str | float], columns: Sequence[str], stamp: int
 ) -> list[float]:
-    """Numbers of a row of `columns`; `stamp`: which of them may be a time of day, by ISO 8601."""
+    """Numbers of a row; `stamp`: index of the column that may hold times by ISO 8601."""
     numbers: list[float] = []
     for k, field in enumerate(row):
         try:
@@ -264,12 +262,12 @@ def _numbers(
 
 
 def _time_of_day(field: str) -> float:
-    """[s] of a day and time, UTC where it has no zone."""
+    """Unix time [s] of a date and time by ISO 8601, UTC if it has no time zone."""
     at = datetime.fromisoformat(field.strip())
     return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
 
 
 def _number(field: str | float) -> float:
-    if isinstance(field, str) and "_" in field:  # Python's own way to write a number
+    if isinstance(field, str) and "_" in field:  # digit separators, which only Python accepts
         raise ValueError(f"could not convert string to float: {field!r}")
     return float(field)

@@ -1,5 +1,5 @@
-"""Outcome of the direct test of friction: where points and the law in force are further apart than
-scatter and interval, and how much of the contact level that takes. It changes no value."""
+"""Outcome of the direct friction test: where points differ from the friction law in force by more
+than scatter and confidence interval, as a share of the contact level. Changes no value."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,16 +14,16 @@ from programs.identify.measured import Measured
 from programs.identify.plots import plot_direct
 from programs.identify.step import Line, Outcome
 
-_NOT_SEEN = "it alone never turned to and fro at one speed, three ways or more, at one place"
+_NOT_SEEN = "it never moved alone at one speed, three strokes or more, to and fro at one place"
 _TO_DO = (
     "nothing was changed. `contactd identify friction` fits the law anew, with a payload where "
     "loads are off; then `thresholds`, as levels hold for the loads and speeds of their motion"
 )
-_VARIES = 0.5  # of friction: less change of load shows no share of it
+_VARIES = 0.5  # least change of load, over friction, from which its effect is estimated
 
 
 def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> Outcome:
-    """Points of each joint against its law."""
+    """Measured points of each joint compared with its friction law."""
     c, lines, shown = robot.configuration, list[Line](), dict[str, tuple[Law, list[Point]]]()
     for name in joints:
         i = c.joint_names.index(name)
@@ -42,7 +42,7 @@ def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> O
 
 
 def law_of(robot: Robot, i: int) -> Law:
-    """Law of friction in force at joint i, with the errors of its identification, if it has one."""
+    """Friction law in force at joint i, with the standard errors of its identification, if any."""
     t, found = build_transmission(robot.configuration), robot.identified
     identified = found and found.joints.get(t.joints[i])
     errors = identified.friction.errors if identified and identified.friction else {}
@@ -50,9 +50,9 @@ def law_of(robot: Robot, i: int) -> Law:
 
 
 def disagreement(law: Law, found: Sequence[Point], level: float, per_speed: float) -> str:
-    """Sentence about points that are off the law, and what the worst takes of the contact level
-    [Nm], which grows per_speed [Nm s/rad]; empty where no more are than 95 % intervals leave out,
-    none by two of them."""
+    """Sentence about points off the law, and the share of the contact level [Nm], which grows by
+    per_speed [Nm s/rad], that the worst one takes. Empty if chance explains them: no more than
+    expected outside 95 % intervals, and none by more than another interval."""
     worst = max(found, key=lambda point: law.misses(point)[1])
     (more, beyond), (friction, half) = law.misses(worst), law.at(worst.load, worst.speed)
     off = [point for point in found if law.misses(point)[1]]
@@ -60,12 +60,12 @@ def disagreement(law: Law, found: Sequence[Point], level: float, per_speed: floa
     if not off or by_chance:
         return ""
     share = abs(more) / (level + per_speed * worst.speed)
-    takes = "contacts without a touch" if share >= 1.0 else "a hand one way must press harder"
+    takes = "false contacts" if share >= 1.0 else "in one direction a hand must press harder"
     return (
         f"{len(off)} of {len(found)} points are off, most at {abs(worst.load):.2f} Nm and "
         f"{worst.speed:.2g} rad/s: {worst.friction:.3g} +- {worst.scatter:.2g} Nm measured, "
         f"{friction:.3g} +- {half:.2g} by the law, {beyond:.2g} Nm beyond both. There the residual "
-        f"is off by {abs(more):.2g} Nm, {share:.0%} of the contact level: {takes}"
+        f"is wrong by {abs(more):.2g} Nm, {share:.0%} of the contact level: {takes}"
     )
 
 

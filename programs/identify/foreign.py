@@ -1,4 +1,4 @@
-"""A log of another program as a recording: the estimator of a robot over its samples."""
+"""Conversion of another program's log to a recording: runs a robot's estimator over its samples."""
 
 from dataclasses import replace
 from hashlib import blake2b
@@ -29,25 +29,25 @@ from programs.recordings.raster import on_raster
 from programs.recordings.recomputed import kept_recording
 from programs.recordings.row_cache import content_digest
 
-_APART_S: Final = 10.0  # between logs, so that they are stretches
-_ALIKE: Final = 0.02  # of the period
-_FASTER: Final = 0.6  # of the configuration's period
-_SMOOTH_S: Final = 0.05  # half of a window, for the acceleration of a load
-_LAYOUT: Final = 2  # of the recordings in the cache
+_APART_S: Final = 10.0  # pause between joined logs, so that they count as separate stretches
+_ALIKE: Final = 0.02  # relative difference of periods that are taken as equal
+_FASTER: Final = 0.6  # of the configured period: logs with a shorter one are resampled
+_SMOOTH_S: Final = 0.05  # half of the smoothing window for a load's acceleration
+_LAYOUT: Final = 2  # version of the recordings in the cache
 
 
 def foreign_states(path: Path, robot: Robot) -> tuple[Snapshot, list[State]]:
-    """Snapshot and States of a log. Raises LogError."""
+    """Snapshot and States computed from a log. Raises LogError."""
     load = _payload(path, robot.model)
     log, notes = read_aligned(path, robot.configuration, robot.model)
     return over_log(_carrying(log, load, robot.configuration, robot.model), robot, notes, load)
 
 
 def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog, tuple[str, ...]]:
-    """Log of all joints without skew, vibration and the load that its file of names states, and
-    notes. Raises LogError."""
+    """Log of all joints with skew, vibration and the payload of its names file removed, and notes
+    on these. Raises LogError."""
     log, notes = read_csv(path, c.joint_names, constants_of(c))
-    if log.period_s < _FASTER * c.period_s:  # no more shows in all of them
+    if log.period_s < _FASTER * c.period_s:  # faster samples add no information
         log = on_raster(log, log.stretches(2.5 * log.period_s), c.period_s)
     load = _payload(path, model)
     if load is not None:
@@ -69,7 +69,7 @@ def _payload(path: Path, model: Model) -> Payload | None:
 def _carrying(
     log: MotionLog, load: Payload | None, c: Configuration, model: Model, sign: float = 1.0
 ) -> MotionLog:
-    """The log with currents that carry a load, too, or (sign -1) no longer carry it."""
+    """Log whose currents additionally carry a load, or with sign -1 no longer carry it."""
     if load is None:
         return log
     point, hand = point_mass(load.mass, model.in_joint(np.array(load.com))), model.hand_joint
@@ -85,7 +85,8 @@ def _carrying(
 
 
 def recording_of(path: Path, config: Path) -> Path:
-    """Recording of a log by the robot of `config`, in the user's cache. Raises ContactdError."""
+    """Path, in the user's cache, of a log's recording with the robot of `config`. Raises
+    ContactdError."""
     robot, names = load_robot(config), beside(path)
     what = [
         _LAYOUT, version("contactd"), compiled.sources(), content_digest(path),
@@ -102,14 +103,14 @@ def constants_of(c: Configuration) -> dict[str, float]:
 
 
 def joined(logs: list[MotionLog]) -> tuple[MotionLog, tuple[str, ...]]:
-    """Logs of the same joints, one after another, at the longest of their periods, and notes."""
+    """Concatenation of logs of the same joints at the longest of their periods, and notes."""
     first, *others = logs
     if not others:
         return first, ()
     notes: tuple[str, ...] = ()
     period = max(log.period_s for log in logs)
     if min(log.period_s for log in logs) < (1.0 - _ALIKE) * period:
-        notes = (f"logs at several rates: all taken every {1e3 * period:.3g} ms",)
+        notes = (f"logs at several rates: all resampled to {1e3 * period:.3g} ms",)
         logs = [on_raster(log, log.stretches(2.5 * log.period_s), period) for log in logs]
     times, begin = [], 0.0
     for log in logs:

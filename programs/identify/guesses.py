@@ -1,6 +1,7 @@
-"""Torque constants of a configuration for logs that are guesses by the URDF's masses.
+"""Torque constants that `contactd new --log-only` guessed from the URDF's masses.
 
-Friction is as far off as these, and masses that they showed would confirm those they are from.
+Friction is as inaccurate as these guesses, and masses identified with them would only reproduce the
+URDF's.
 """
 
 from typing import Final
@@ -15,15 +16,15 @@ from drivers.log.settings import LogProfile
 from identification.possible_bodies import USUAL
 
 MARK: Final = "# CHECK"
-"""Mark of a guess in a line of a draft, removed once it was looked up."""
+"""Mark of a guess in a line of a draft, to be removed once the value is checked."""
 
 OTHERS: Final = "as other joints"
-"""Reason of a constant that no mass shows."""
+"""Reason given for a constant that no mass determines."""
 
 
 def guessed_constants(robot: Robot) -> Vector:
-    """Shares (n,) by which torque constants may be off that `contactd new --log-only` guessed:
-    infinite where it is that of other joints, 0 where it was looked up."""
+    """Relative errors (n,) of guessed torque constants: infinite for one taken from other joints, 0
+    for one that was looked up."""
     c, lines = robot.configuration, robot.text.splitlines()
     shares = np.zeros(len(c.joints))
     for i, joint in enumerate(c.joints):
@@ -34,13 +35,13 @@ def guessed_constants(robot: Robot) -> Vector:
 
 
 def refuse_guessed_constants(robot: Robot) -> None:
-    """Raise ConfigurationError for the first torque constant that is such a guess."""
+    """Raise ConfigurationError for the first torque constant that is a guess."""
     for i in np.flatnonzero(guessed_constants(robot)).tolist():
         name = robot.configuration.joints[i].name
         raise ConfigurationError(
-            f"{robot.path}:{_line(robot, i)}: joints[{i}] ({name}).torque_constant: a guess by the "
-            f"URDF's masses cannot identify masses; look it up in the motor's data sheet, times "
-            f"the gear, and remove `{MARK[2:]}` from its line"
+            f"{robot.path}:{_line(robot, i)}: joints[{i}] ({name}).torque_constant: guessed from "
+            f"the URDF's masses, so it cannot identify masses; look it up in the motor's data "
+            f"sheet, times the gear, and remove `{MARK[2:]}` from its line"
         )
 
 

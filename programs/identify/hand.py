@@ -1,4 +1,4 @@
-"""phi of one joint while a person moves its link by hand, identified until the gap is clear."""
+"""Live identification of one joint's gap while a person moves its link by hand."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ REFRESH_S = 0.2
 JUDGE_S = 2.0
 LEAST_ROWS = 200
 ENOUGH = CROSSINGS + 5
-"""Crossings after which a clear gap ends the step."""
+"""Crossings after which a usable gap ends the step."""
 
 
 class Hand:
-    """phi of one joint as a hand moves it, identified until the gap is clear."""
+    """Samples of phi of one joint moved by hand, and the gap identified from them so far."""
 
     def __init__(
         self, joint: int, torque_constant: float, name: str, before: MotionLog | None = None
@@ -28,7 +28,7 @@ class Hand:
         self.done = False
 
     def saw(self, state: State) -> bool:
-        """Take one State; True if it is time to draw."""
+        """Add one State; True if the display is due."""
         if not all(state.fresh):
             return False
         i, measured = self._joint, state.motor_position
@@ -52,8 +52,8 @@ class Hand:
 
 
 def rows_until(log: MotionLog, joint: int, time_s: float) -> list[tuple[float, ...]]:
-    """Rows of one joint, as if the log had ended at `time_s`: time, current, link position, motor
-    velocity and perhaps motor position."""
+    """Rows of one joint, shifted in time so that the log ends at `time_s`: time, current, link
+    position, motor velocity and, if measured, motor position."""
     columns = [log.current, log.link_position, log.motor_velocity]
     if log.motor_position is not None:
         columns.append(log.motor_position)

@@ -1,4 +1,4 @@
-"""Identification of one robot: what all steps of `contactd identify` share."""
+"""Identification of one robot: common part of all steps of `contactd identify`."""
 
 import signal
 import sys
@@ -33,7 +33,7 @@ from programs.identify.step import Outcome, now
 
 
 class Identification:
-    """Robot whose parameters are identified, by its `arm` or by `logs`, and what was found."""
+    """Robot whose parameters are identified, on its `arm` or from `logs`, and the results."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Identification:
     ) -> None:
         self.robot, self.arm = robot, arm
         self.missed: list[str] = []
-        """Joints whose results were not good"""
+        """Joints without good results."""
         self._logs, self._console, self._dry = logs, console, dry
         self._folder = robot.folder / "identify"
         self._written: list[str] = []
@@ -57,10 +57,10 @@ class Identification:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: object
     ) -> None:
-        """List what was written, also if a step was stopped, and let go of the arm. A LogError that
-        names no log gets their names."""
+        """List what was written, also if a step was interrupted, and close the arm. Adds the names
+        of the logs to a LogError that contains none."""
         if kind is click.Abort:
-            self.show("")  # Ctrl-C at a question leaves its line open
+            self.show("")  # ends the line of a question at which Ctrl-C was pressed
         path = self.robot.folder / self.robot.configuration.identified
         if self._written:
             self.show(f"written to {path}: {', '.join(self._written)}")
@@ -84,7 +84,7 @@ class Identification:
         return list(named) or known
 
     def due(self, step: ArmingStep, named: tuple[str, ...]) -> list[str]:
-        """Named joints, else those of which a live arm's step is missing or void, or all."""
+        """Named joints; else, on a live arm, those whose step is missing or outdated; else all."""
         c, found = self.robot.configuration, self.robot.identified
         due = (*unidentified(step, found, c), *outdated(step, found, c, self.robot.urdf))
         return self.joints(named or (due if self.arm else ()))
@@ -92,22 +92,22 @@ class Identification:
     def measured(
         self, live: Callable[[LiveArm], Measured], *, gap_of: str = "", residuals: bool = False
     ) -> Measured:
-        """Measurements that `live` takes of the arm, or those of the logs, all of which serve each
-        step; gap_of: the one joint that a log needs; residuals: they are needed, too."""
+        """Measurements that `live` makes on the arm, or those of the logs. gap_of: the only joint
+        that a log must contain; residuals: True if residuals are required."""
         if self.arm is None:
             return read_measured(self._logs, self.robot.configuration, gap_of=gap_of,
                                  robot=self.robot, residuals=residuals)  # fmt: skip
         return live(self.arm)
 
     def busy(self, text: str) -> AbstractContextManager[object]:
-        """Sign for the person that this takes a while, inside the block."""
+        """Context that shows a text while the block runs, which takes some time."""
         return self._console.status(text)
 
     def conclude(self, step: str, outcome: Outcome, recordings: str = "") -> bool:
-        """Print and write a result, keep its recordings, named as the step by default, as evidence,
-        and draw its pictures. True if all of it is good."""
+        """Print and write a result, archive its recordings, named like the step by default, as
+        evidence, and draw its plots. True if all results are good."""
         joints = self.robot.configuration.joint_names
-        # A load stands alone, without the column of the joints' names.
+        # The result for a payload has no column of joint names.
         aligned = outcome.lines[0].joint in joints
         print_outcome(self._console, outcome, max(map(len, joints)) if aligned else 0)
         if not self._dry and (outcome.entries or outcome.payloads):
@@ -133,25 +133,25 @@ class Identification:
     def _draw(self, draw: Callable[[Path], list[Path]]) -> None:
         try:
             for picture in draw(self._folder):
-                self.show(f"picture: {picture}")
+                self.show(f"plot: {picture}")
         except OSError as error:
-            self.show(f"no picture: {error}")
+            self.show(f"no plot: {error}")
 
     def show(self, text: str) -> None:
-        """Show the person a text."""
-        whole = not self._console.is_terminal  # a file gets a sentence in one line
-        self._console.print(text, markup=False, highlight=False, soft_wrap=whole)
+        """Show a text to the user."""
+        unwrapped = not self._console.is_terminal  # in a file, each sentence is one line
+        self._console.print(text, markup=False, highlight=False, soft_wrap=unwrapped)
 
 
 def open_identification(
     config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool, yes: bool
 ) -> Identification:
-    """Identification on logs, or on the arm of the running daemon, whose fault is reset, and which
-    is enabled and moves for it, if the person, unless `yes`, agrees. Raises ContactdError."""
+    """Identification from logs, or on the arm of the running daemon. Its fault is reset, and it is
+    enabled and moved, only if the user agrees or `yes` is given. Raises ContactdError."""
     console = on_stdout()
     if logs:
         if config is None:
-            raise ConfigurationError("--log needs --config: the folder that results go to")
+            raise ConfigurationError("--log needs --config: the folder for the results")
         robot = load_robot(config)
         return Identification(robot, console, logs=logs, dry=dry)
     if threading.current_thread() is threading.main_thread():
@@ -166,7 +166,7 @@ def open_identification(
         session.take_up_changes()
         robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
-            raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
+            raise ConfigurationError(f"the running daemon uses {robot.path}, not {config}")
         session.folder = robot.folder / "identify"
         arm = LiveArm(robot, session, console)
         refused.pop_all()
@@ -174,8 +174,8 @@ def open_identification(
 
 
 def stop_once() -> None:
-    """Make the first Ctrl-C, SIGTERM or closed terminal a KeyboardInterrupt, and ignore all later
-    ones: bringing the arm to rest must not itself be stopped. Main thread only."""
+    """Turn the first SIGINT, SIGTERM or SIGHUP into a KeyboardInterrupt and ignore all later ones,
+    so that bringing the arm to rest is not interrupted. Main thread only."""
     stopped = False
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -189,19 +189,19 @@ def stop_once() -> None:
 
 
 def may_move(robot: Robot, *, off: bool) -> bool:
-    """Ask at the terminal whether the arm may move, and the drives be enabled for that if they are
-    `off`. Raises ControlError without a terminal."""
+    """Ask at the terminal whether the arm may move, after enabling the drives if they are `off`.
+    Raises ControlError without a terminal."""
     if not sys.stdin.isatty():
-        state = "off, and are enabled" if off else "on, and the arm moves"
-        raise ControlError(f"the drives are {state} for this: without a terminal pass --yes")
+        state = "off and must be enabled" if off else "on and the arm will move"
+        raise ControlError(f"the drives are {state} for this step: without a terminal pass --yes")
     c = robot.configuration
     ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
     later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
     text = (
-        "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
-        f"to where it stands and its joints end as configured ({later})."
+        "The drives are off. This step enables them and moves the arm; at the end the arm returns "
+        f"to its present pose and its joints end as configured ({later})."
     )
-    text = text if off else "The arm is enabled, and moves for this."
+    text = text if off else "The arm is enabled, and this step moves it."
     say(f"{text} Keep people out of its reach, and the emergency stop within yours.")
     return sure("Enable the drives?" if off else "Move the arm?")
 
@@ -210,13 +210,13 @@ def may_reset(cause: str) -> bool:
     """Ask at the terminal whether to reset a fault; False without a terminal."""
     if not sys.stdin.isatty():
         return False
-    say(f"The arm is faulted: {cause}. Look at it first; after a reset its drives are off.")
+    say(f"The arm is faulted: {cause}. Inspect it first; after a reset its drives are off.")
     return sure("Reset the fault?")
 
 
 def show_overview(config: Path | None, socket: Path | None) -> bool:
-    """Print the state of identification of the robot in `config`, or of the running daemon's; True
-    if nothing is missing. Raises ContactdError."""
+    """Print the identification state of the robot in `config`, or of the running daemon's robot;
+    True if nothing is missing. Raises ContactdError."""
     if config is None:
         with Client(socket) as client:
             config = from_here(Path(client.ask_status().configuration))
@@ -226,10 +226,8 @@ def show_overview(config: Path | None, socket: Path | None) -> bool:
 
 
 def from_here(path: Path) -> Path:
-    """Path as a person would type it here: relative below the working directory, else absolute.
-
-    It stays absolute in the root directory, too, where a relative one would look like another.
-    """
+    """Path as a user would type it: relative below the working directory, else absolute. In the
+    root directory it stays absolute, as a relative one could be mistaken for another path."""
     here = Path.cwd()
     inside = path.is_relative_to(here) and here != Path(here.root)
     return path.relative_to(here) if inside else path

@@ -1,5 +1,5 @@
-"""`contactd identify wrench`: the force at the tool against a known one, on recordings."""
-# ruff: noqa: PLC0415 - what the command needs is imported when it runs
+"""`contactd identify wrench`: compares the estimated force at the tool with a known one."""
+# ruff: noqa: PLC0415 - the command imports what it needs when it runs
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -18,77 +18,77 @@ if TYPE_CHECKING:
     from identification.known_force import HeldPose
 
 FREE_S, HELD_S, STILL_RAD, LEAST_POSES, APART_RAD = 2.0, 2.0, 0.02, 3, 0.3
-"""Parts of a recording without the force and with it, at its begin and its end; how far the arm may
-move between; poses, the last being the witness; by which a joint of each two has to differ."""
+"""Unloaded start and loaded end of a recording; largest motion between them; least number of poses,
+of which the last is held out; least difference of two poses, in any joint."""
 _G: Final = 9.80665
-_FRICTION: Final = 0.4  # of what raises a level at rest: so much of it holds a load, in 95 of 100
+_FRICTION: Final = 0.4  # share of a level's increase at rest that holds a load, in 95 % of cases
 
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=PATH, metavar="FILE.mcap...")
-@click.option("--mass", type=Range(min=0.05, max=50), help="Hung at the tool point [kg].")
+@click.option("--mass", type=Range(min=0.05, max=50), help="Mass hung from the tool point [kg].")
 @click.option(
-    "--scale", type=Range(min=0.5, max=500), help="Or what a scale under the tool reads [N]."
+    "--scale", type=Range(min=0.5, max=500), help="Or reading of a scale under the tool [N]."
 )
 def wrench(recordings: tuple[Path, ...], mass: float | None, scale: float | None) -> None:
-    """Hold the force at the tool against a known one: how far off the newtons are.
+    """Compare the estimated force at the tool with a known one, and report its error.
 
-    A recording a pose, the arm holding, of 10 s: 2 s without the mass, then hang it at the tool
-    point and keep the hands off. With three poses and more that differ by 0.3 rad it proposes
-    corrections of torque constants, which the last pose has to confirm. It writes nothing.
+    Needs one recording of 10 s per pose, with the arm holding: 2 s without the mass, then hang it
+    from the tool point and keep your hands off. From three or more poses that differ by 0.3 rad it
+    proposes corrections of torque constants, which the last pose has to confirm. Writes nothing.
     """
     if (mass is None) == (scale is None):
-        raise click.UsageError("one of --mass and --scale")
+        raise click.UsageError("give either --mass or --scale")
     up = -mass * _G if mass is not None else float(scale or 0.0)
     for line in report(recordings, up):
         say(line)
 
 
 def report(recordings: Sequence[Path], up: float) -> list[str]:
-    """Lines for a person; up: the force, away from the ground [N]. Raises LogError."""
+    """Report as lines of text; up: the known force, upwards [N]. Raises LogError."""
     import numpy as np
 
     from identification.known_force import MOST, correct
 
-    lines, poses = [f"{'pose':20}  newtons off, by axis of the force's frame"], list["HeldPose"]()
+    lines, poses = [f"{'pose':20}  error of the force, by axis of its frame"], list["HeldPose"]()
     joints, at = list[str](), list["Vector"]()
     for path in recordings:
         snapshot, pose, off, unseen, seen, q = _held(path, up)
         parts = " ".join(f"{axis} {x:+.1f}" for axis, x in zip("xyz", off, strict=True))
-        blind = f", of which {seen:.1f} are seen; {unseen} not seen" if unseen else ""
+        blind = f", of which {seen:.1f} are observable; {unseen} not" if unseen else ""
         lines.append(f"{path.name:20}  {parts} N, of {abs(up):.1f}{blind}")
         poses.append(pose)
         joints = snapshot.joints
         at.append(q)
     if len(poses) < LEAST_POSES:
-        return [*lines, f"for torque constants: {LEAST_POSES} poses, the last as a witness"]
+        return [*lines, f"torque constants need {LEAST_POSES} poses, the last for validation"]
     if min(np.abs(a - b).max() for a, b in combinations(at, 2)) < APART_RAD:
-        return [*lines, f"for torque constants: poses of which each two differ by {APART_RAD} rad"]
+        return [*lines, f"torque constants need poses that differ pairwise by {APART_RAD} rad"]
     found = correct(poses)
     for name, factor, bound, proposed, beyond in zip(
         joints, found.factor, found.bound, found.proposed, found.beyond, strict=True
     ):
         if not np.isfinite(bound):
-            lines.append(f"{name:20}  shows no more than its friction")
+            lines.append(f"{name:20}  not observable beyond its friction")
             continue
-        advice = f": `torque_constant` times {proposed:.3f}" if proposed != 1.0 else ": as it is"
-        advice = f": more than {MOST:.0%} off" if beyond else advice
+        advice = f": `torque_constant` times {proposed:.3f}" if proposed != 1.0 else ": unchanged"
+        advice = f": wrong by more than {MOST:.0%}" if beyond else advice
         lines.append(f"{name:20}  {factor:.3f} +- {bound:.3f} times its torque{advice}")
     verdict = "confirms" if found.witnessed else "does not confirm: change nothing"
-    error = f"{found.before_N:.1f} N off, {found.after_N:.1f} N with them"
+    error = f"error {found.before_N:.1f} N, {found.after_N:.1f} N with the corrections"
     if found.beyond.any():
         return [
             *lines,
-            "change nothing: is it that mass, at the tool point, hung in the third second?",
+            "change nothing: was it this mass, hung from the tool point after two seconds?",
         ]
     if np.all(found.proposed == 1.0):
-        return [*lines, "no torque constant is off by more than its friction hides"]
-    return [*lines, f"{recordings[-1].name}, the witness, {verdict}: {error}"]
+        return [*lines, "no torque constant is wrong by more than its friction hides"]
+    return [*lines, f"the held-out pose, {recordings[-1].name}, {verdict}: {error}"]
 
 
 def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, float, Vector]":
-    """A pose of a recording, the error of the force that was said there (3,) [N], what was not
-    seen of it, how much of it [N] was, and q (n,). Raises LogError."""
+    """Snapshot and held pose of a recording, error of the estimated force (3,) [N], directions that
+    are unobservable, in words, norm of the observable force [N], and q (n,). Raises LogError."""
     import numpy as np
 
     from daemon.protocol.state import Snapshot
@@ -105,7 +105,7 @@ def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, floa
             states.append(message)
     if snapshot is None or not states or states[-1].time_s - states[0].time_s < FREE_S + HELD_S:
         raise LogError(
-            f"{path}: {FREE_S + HELD_S:g} s and more with a force at the tool are needed"
+            f"{path}: at least {FREE_S + HELD_S:g} s with a force at the tool are needed"
         )
     free = [s for s in states if s.time_s < states[0].time_s + FREE_S]
     held = [s for s in states if s.time_s > states[-1].time_s - HELD_S]

@@ -1,7 +1,7 @@
-"""Live arm: its motions, shown by a bar, recorded and read back as measurements; its state after a
-step.
+"""Live arm: moves it with a progress bar, reads the recordings back as measurements, and restores
+its state after a step.
 
-A step that was stopped goes on with what it has: an excitation is as much shorter as was measured.
+A step that was interrupted reuses its recordings: the rest of an excitation is shorter accordingly.
 """
 
 from collections import deque
@@ -30,7 +30,7 @@ from programs.identify.swinging import SwingWatch
 from programs.identify.velocity_loop import REMEMBERED, advice_on_following
 
 MOVED = 0.05
-"""From where it stood, before an arm that is to be switched off goes back there [rad]."""
+"""Displacement beyond which an arm returns to where it stood before it is switched off [rad]."""
 TO_READ_ANEW = "`contactctl disable` (after a fault `contactctl reset`)"
 
 
@@ -44,7 +44,7 @@ class LiveArm:
         self.session, self.console = session, console
         self.configuration = robot.configuration
         self.model = robot.model
-        self._far = False  # it was moved by its links, and not by its motors a little
+        self._far = False  # True once more than single motors, within their gaps, has moved
         if not samples_alike(session.configuration(), self.configuration):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon read it: "
@@ -52,7 +52,7 @@ class LiveArm:
             )
 
     def link_position(self, *, motors_only: bool = False) -> Vector:
-        """Link positions of the arm (n,) [rad], once it holds. Raises as `Session.hold` does."""
+        """Link positions (n,) [rad], once the arm holds. Raises as `Session.hold` does."""
         return np.array(self.session.hold(motors_only=motors_only).link_position)
 
     def excite(
@@ -64,18 +64,18 @@ class LiveArm:
         residuals: bool = False,
         turns_s: tuple[float, float] = (REPEATS_S, SLOWEST_S),
     ) -> Measured:
-        """Move all joints along an excitation, hands off; turns_s: after how long it repeats, and
-        the period of its slowest harmonic. Raises as `before` and `Session.run` do."""
+        """Move all joints along an excitation, hands off; turns_s: its repetition period, and the
+        period of its slowest harmonic. Raises as `before` and `Session.run` do."""
         c = self.configuration
         bounds, period_s = bounds_of(c), c.period_s
         motion = excitation(bounds, self.model, period_s, seed, *turns_s)
         already = 0.0
         if (before := self.before(step, residuals=residuals)) is not None:
-            # Each began with the way to the excitation, which teaches little and does not count.
+            # The approach to the excitation yields little information and does not count.
             for rows in before.stretches(PAUSE_S):
                 here, t = before.link_position[rows.start], before.time_s[rows]
                 already += max(float(t[-1] - t[0]) - motion.approach_s(here), 0.0)
-            self.show(f"{already:.0f} s of {seconds:.0f} s are measured already")
+            self.show(f"{already:.0f} s of {seconds:.0f} s were measured before")
         if seconds - already > 1.0:
             path = motion.path(self.link_position(), seconds - already)
             half_gap = row(c, lambda j: j.half_gap)
@@ -84,14 +84,14 @@ class LiveArm:
         return self.read(step)
 
     def before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
-        """Log of a step that was stopped, or None. Raises LogError, before anything moves, if the
-        step cannot go on with it."""
+        """Log of an interrupted step, or None. Raises LogError, before anything moves, if the step
+        cannot continue it."""
         parts = self.session.parts(step)
         if not parts:
             return None
         refuse_incompatible(parts, self.configuration, residuals=residuals)
         files = ", ".join(str(part) for part in parts)
-        self.show(f"going on with what was measured before; to begin anew, delete {files}")
+        self.show(f"continuing earlier measurements; to start afresh, delete {files}")
         try:
             return self.read(step).log
         except ShortLogError:
@@ -105,8 +105,8 @@ class LiveArm:
         remark: Callable[[State], str] = lambda _: "",
         **how: Any,
     ) -> None:
-        """Run a path (N, n) [rad] with a bar for its progress; the text that `remark`
-        returns for a State is shown; how: as `Session.run` takes it. Raises as that."""
+        """Run a path (N, n) [rad] with a progress bar, showing the texts that `remark` returns for
+        States; how: keywords of `Session.run`. Raises as `Session.run` does."""
         period = self.configuration.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self.console)
@@ -115,7 +115,7 @@ class LiveArm:
 
         def each(state: State) -> bool:
             last.append(state)
-            progress.start()  # not before the arm moves, which may be refused
+            progress.start()  # only once the arm moves, as the motion may be refused
             progress.advance(task, state.interval_s)
             if text := remark(state):
                 self.session.say(text)
@@ -137,25 +137,25 @@ class LiveArm:
         return read_measured(self.session.parts(step), self.configuration, gap_of=gap_of)
 
     def forget(self, step: str) -> None:
-        """Delete what was measured in a step."""
+        """Delete the recordings of a step."""
         for part in self.session.parts(step):
             part.unlink()
 
     def show(self, text: str) -> None:
-        """Show the person a text."""
+        """Show a text to the user."""
         self.console.print(text, markup=False, highlight=False)
 
     def close(self, *, well: bool, written: bool) -> None:
-        """Close the connection. Drives that were enabled for the step are off then, with the arm
-        where it stood, and what was written is taken up; of a step that did not end `well` the arm
-        stays as it is, also where it cannot be reached. Raises ContactdError."""
+        """Close the connection. After a step that ended `well`, drives that it enabled are switched
+        off, with the arm back in its pose, and the daemon loads what was written; otherwise the arm
+        stays as it is. Raises ContactdError."""
         try:
             if self.session.here is None:
                 if written and well and self._mode == Mode.OFF:
                     self.session.reload()
                     self.show("taken up")
                 elif written:
-                    self.show("taken up before the drives are enabled the next time")
+                    self.show("taken up before the drives are next enabled")
             elif well:
                 if self._mode != Mode.OFF:
                     if self._far:
@@ -165,9 +165,9 @@ class LiveArm:
                     self.session.reload()
                 self.show(f"the drives are off{', and it is taken up' if written else ''}")
             elif self._mode == Mode.HOLDING:
-                self.show("the drives stay on, and the arm holds; `contactctl disable` ends that")
+                self.show("the drives stay on and the arm holds; `contactctl disable` ends this")
         except UnreachableError:
-            if well:  # else the step's own error names it
+            if well:  # otherwise the step's own error reports it
                 raise
         finally:
             self.session.close()
@@ -181,14 +181,14 @@ class LiveArm:
         there = np.clip(there, bounds.lower, bounds.upper)
         if float(np.abs(there - here).max()) > MOVED:
             way = point_to_point(here, there, slow(bounds), self.configuration.period_s)
-            text = "all joints go back to where they stood"
+            text = "all joints return to where they stood"
             how: dict[str, Any] = {"warning": lambda event: event.text, "touch_ends": True}
             self.move("return", text, way, to_go_on="", **how)
             self.forget("return")
 
     def recover(self, *, on: bool) -> bool:
-        """After a fault of a step that the drives were enabled for: enable them again, or have them
-        off; False where they were enabled elsewhere: that person decides."""
+        """Recover from a fault during a step that enabled the drives: enable them again if `on`,
+        else only reset. False, with no action, if another client had enabled them."""
         if self.session.here is None:
             return False
         if on:
@@ -208,7 +208,7 @@ class LiveArm:
 
 
 def open_session(socket: Path | None, console: Console, ask: Callable[[bool], bool]) -> Session:
-    """Session that prints its warnings in yellow. Raises UnreachableError."""
+    """Session that prints warnings in yellow. Raises UnreachableError."""
 
     def say(text: str) -> None:
         console.print(text, style="yellow", markup=False, highlight=False)

@@ -1,4 +1,4 @@
-"""Gap of one joint of a live arm: by strokes of its motor, or by a person's hand."""
+"""Gap measurement on one joint of a live arm, by strokes of its motor or by hand."""
 
 from contextlib import suppress
 from typing import Any
@@ -17,12 +17,12 @@ from programs.identify.motions import HAND_S, stand
 from programs.identify.session import distrust
 from programs.identify.show import histogram
 
-_HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
+_HEAVY = 1.0  # largest gravity torque that a hand can lift gently [Nm]
 
 
 def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
-    """Turn the motor of one joint to and fro where gravity changes side. Raises UnobservableError
-    where that shows nothing, and as `Session.run` does."""
+    """Move the motor of one joint to and fro where gravity changes sign. Raises UnobservableError
+    if there is no such pose, and as `Session.run` does."""
     step, i = f"strokes-{joint}", arm.configuration.joint_names.index(joint)
     here = arm.link_position()
     own = StrokesOfJoint.of(arm.configuration, arm.model, i, here)
@@ -30,13 +30,13 @@ def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
     how: dict[str, Any] = {
         "warning": ends_strokes(joint),
         "touch_ends": True,
-        "to_go_on": f"The same command begins {joint} anew",
+        "to_go_on": f"The same command starts {joint} afresh",
     }
 
     def record(asked: Strokes) -> MotionLog:
         here = arm.link_position()
-        if (way := own.way_to(here, asked)) is not None:
-            arm.move(f"way-{joint}", f"{joint} goes to {asked.about:z.2f} rad", way, **how)
+        if (path := own.way_to(here, asked)) is not None:
+            arm.move(f"way-{joint}", f"{joint} goes to {asked.about:z.2f} rad", path, **how)
             arm.forget(f"way-{joint}")
         arm.forget(step)
         here = arm.link_position()
@@ -55,14 +55,14 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
     _hang(arm, joint, i)
     here = arm.link_position(motors_only=True)
     arm.show(
-        f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
-        "lean on one border, rest a moment, lean on the other, both alike."
+        f"The motor of {joint} stands still. Move its link gently by hand from side to side: lean "
+        "on one edge of the gap, rest a moment, then lean as hard on the other."
     )
     load = float(arm.model.gravity(here)[i])
     if abs(load) > _HEAVY:
         arm.show(
-            f"In this pose {abs(load):.1f} Nm of gravity hold it at one border: carry it, or "
-            "begin from a pose in which the joint hangs."
+            f"In this pose {abs(load):.1f} Nm of gravity hold it at one edge: carry it, or start "
+            "from a pose in which the joint hangs."
         )
     hand = Hand(i, arm.configuration.joints[i].torque_constant, joint, before)
     with Live(console=arm.console, auto_refresh=False) as live:
@@ -75,13 +75,13 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
         path, warning = stand(here), other_joint_touched(joint)
         arm.session.run(step, path, HAND_S, each, warning=warning, motors_only=True)
     if not arm.console.is_terminal:
-        arm.console.line()  # which `Live` owes a file
+        arm.console.line()  # `Live` does not end its last line in a file
     return arm.read(step, gap_of=joint)
 
 
 def _hang(arm: LiveArm, joint: str, i: int) -> None:
-    """Go to where a hand has no weight to carry, if there is such a pose: not where a person
-    enabled the arm, who has chosen this one, nor by links that are not trusted."""
+    """Move to a pose without gravity load on the joint, if there is one. Stays if a person enabled
+    the arm, and so chose the pose, or if link positions are not trusted."""
     here = arm.link_position(motors_only=True)
     if arm.session.here is None or distrust(arm.session.client.ask_status()):
         return

@@ -1,8 +1,8 @@
-"""Gap of one joint of a live arm without a hand: to a pose where gravity changes side, and
-strokes of its motor there.
+"""Gap measurement without a hand: strokes of one motor of a live arm, in a pose where gravity
+changes sign at its joint.
 
-Bounded: the motor turns at 30 mrad/s at most, its joint stays within its limits, what will move is
-announced first, and a contact of any joint ends it.
+The motor moves at 30 mrad/s at most, the joint stays within its limits, motions are announced
+first, and a contact of any joint ends them.
 """
 
 from collections.abc import Callable
@@ -21,15 +21,15 @@ from identification.gap_search import Search, Strokes, search
 from identification.motion_log import MotionLog
 from programs.identify.motions import bounds_of, slow, strokes
 
-_EDGE = 0.02  # [rad] of the limits that no stroke enters
-_FAR = 0.2  # [rad]
-_LITTLE = 0.02  # of a joint's friction, which holds a link against so little gravity
-_MUCH = 0.5  # of the same
-_THERE = 0.005  # [rad]
+_EDGE = 0.02  # margin of the strokes to the limits [rad]
+_FAR = 0.2  # preferred margin of the pose to the limits [rad]
+_LITTLE = 0.02  # gravity torque at the pose, over friction: the link stays where it is
+_MUCH = 0.5  # gravity torque, over friction, that holds the link at one edge of its gap
+_THERE = 0.005  # tolerance of reaching a pose [rad]
 
 
 class UnobservableError(ContactdError):
-    """Joint whose gap does not show without a hand."""
+    """Error of a joint whose gap cannot be observed without a hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +40,18 @@ class StrokesOfJoint:
     model: Model
     i: int
     here: Vector
-    """Link positions (n,) [rad] at the beginning"""
+    """Link positions (n,) [rad] at the start."""
     pose: Vector
-    """and where gravity changes side at the joint"""
+    """Link positions (n,) [rad] at which gravity changes sign at the joint."""
 
     @classmethod
     def of(cls, c: Configuration, model: Model, i: int, here: Vector) -> Self:
-        """Search for joint i of an arm that stands at `here`. Raises UnobservableError where
-        gravity keeps its side at the joint in every pose that the limits allow."""
+        """Search for joint i of an arm that stands at `here`. Raises UnobservableError if gravity
+        has the same sign at the joint in all poses within the limits."""
         joint, bounds = c.joints[i], bounds_of(c)
         rub = joint.friction.motor_coulomb + joint.friction.link_coulomb
         pose = None
-        # Rather well within the limits: masses differ, and so does where gravity changes side.
+        # Preferably well within the limits, as errors of the masses shift the sign change.
         for edge in (_FAR, _EDGE + joint.half_gap + 0.02):
             lower, upper = bounds.lower + edge, bounds.upper - edge
             pose = balanced_pose(model, i, here, lower, upper, _LITTLE * rub)
@@ -59,30 +59,30 @@ class StrokesOfJoint:
                 break
         if pose is None:
             raise UnobservableError(
-                f"gravity holds {joint.name} at one border of its gap in every pose within its "
-                f"limits: `contactd identify gap {joint.name} --by-hand`"
+                f"gravity holds {joint.name} at one edge of its gap in every pose within its "
+                f"limits: use `contactd identify gap {joint.name} --by-hand`"
             )
         return cls(c, model, i, here, pose)
 
     @property
     def weighs(self) -> bool:
-        """True where gravity holds the joint at one border of its gap, as the arm stands."""
+        """True if gravity holds the joint at one edge of its gap in the present pose."""
         joint = self.c.joints[self.i]
         rub = joint.friction.motor_coulomb + joint.friction.link_coulomb
         return abs(float(self.model.gravity(self.here)[self.i])) > _MUCH * rub
 
     def way_to_pose(self) -> Matrix:
-        """Path (N, n) from here to where gravity changes side."""
+        """Path (N, n) [rad] to the pose at which gravity changes sign."""
         return point_to_point(self.here, self.pose, slow(bounds_of(self.c)), self.c.period_s)
 
     @property
     def room(self) -> tuple[float, float]:
-        """Link positions [rad] between which the joint stays."""
+        """Range of link positions [rad] in which the joint stays."""
         limits = self.c.joints[self.i].limits
         return limits.lower + _EDGE, limits.upper - _EDGE
 
     def begin(self) -> Search:
-        """The search, which asks for strokes and is sent their logs."""
+        """Search generator, which yields strokes and is sent their logs."""
         joint = self.c.joints[self.i]
         return search(
             self.i, joint.torque_constant, joint.wiring.gear, joint.half_gap,
@@ -92,19 +92,19 @@ class StrokesOfJoint:
 
     def announcement(self) -> str:
         """Announcement of the motions, and their ranges."""
-        ways = [
+        moves = [
             f"{name} from {a:z.2f} to {b:z.2f} rad"
             for name, a, b in zip(self.c.joint_names, self.here, self.pose, strict=True)
             if abs(b - a) > _THERE
         ]
-        go = f"The arm goes slowly: {', '.join(ways)}. " if ways else ""
+        go = f"The arm moves slowly: {', '.join(moves)}. " if moves else ""
         name = self.c.joint_names[self.i]
         low, high = self.room
         return (f"{go}Then {name} moves to and fro by itself, at most 30 mrad/s, within "
                 f"{low:z.2f} and {high:z.2f} rad. Hands off: a touch ends it.")  # fmt: skip
 
     def way_to(self, here: Vector, asked: Strokes) -> Matrix | None:
-        """Path (N, n) from here to the pose of the strokes; None where the arm is there."""
+        """Path (N, n) [rad] to the pose of the strokes; None if the arm is there."""
         pose = self.pose.copy()
         pose[self.i] = asked.about
         if float(np.abs(pose - here).max()) < _THERE:
@@ -112,12 +112,12 @@ class StrokesOfJoint:
         return point_to_point(here, pose, slow(bounds_of(self.c)), self.c.period_s)
 
     def path(self, here: Vector, asked: Strokes) -> Matrix:
-        """Path (N, n) of the strokes, for the motors alone."""
+        """Path (N, n) [rad] of the strokes, for the motors alone."""
         return strokes(here, self.i, asked.way, asked.speed, asked.count, self.c.period_s)
 
 
 def searched(search: Search, record: Callable[[Strokes], MotionLog]) -> None:
-    """Run a search to its end: `record` makes the strokes."""
+    """Run a search to its end; `record` executes and records the strokes."""
     asked = next(search)
     while True:
         try:

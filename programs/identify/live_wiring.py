@@ -23,17 +23,17 @@ _TOO_FAR = "its gear or a scale is wrong, or its gap is larger than half_gap say
 
 
 class ApartError(InterruptedStepError):
-    """Step that ended as motor and link of joints came too far apart."""
+    """Error of a step that ended because motor and link of a joint came too far apart."""
 
     def __init__(self, text: str, why: Mapping[str, str]) -> None:
         super().__init__(text)
         self.why = why
-        """most likely mistake of each, by its name"""
+        """Most likely mistake, by joint."""
 
 
 def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
     """Move one joint's motor to and fro, through its gap; `to_go_on` is shown if that is
-    stopped. Raises ApartError, and as `Session.run` does."""
+    interrupted. Raises ApartError, and as `Session.run` does."""
     step = f"wiring-{joint}"
     c = arm.configuration
     i = c.joint_names.index(joint)
@@ -42,7 +42,7 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
     while True:
         try:
             here = arm.link_position(motors_only=True)
-            arm.forget(step)  # so short a motion begins anew
+            arm.forget(step)  # the motion is so short that it starts afresh
             carried = repeated or _may_float(arm, i, here)
             path = wiring_motion(here, i, half_gap, c.period_s, speeding_up=carried)
             text, warning = f"{joint} moves a little", wiring_spoiled(joint)
@@ -55,28 +55,28 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
         measured = arm.read(step)
         both = follows_both_ways(measured.log, i)
         if both and not repeated and scale_unsure(measured.log, i):
-            repeated, more = True, "once more, speeding up all the way"
-            seen = "moved its link by another share than its motor"
+            repeated, more = True, "once more, accelerating all the way"
+            seen = "moved its link by a different amount than its motor"
         elif both or half_gap >= WIDEST_GUESS:
             return measured
-        else:  # Its gap is larger than the configuration says.
+        else:  # The gap is larger than configured.
             before, half_gap = half_gap, min(2.0 * half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
-            seen = "did not move its link both ways"
+            seen = "did not move its link in both directions"
             more = f"once more, {2e3 * (half_gap - before):.0f} mrad further"
         arm.show(f"{joint} {seen}: {more}")
 
 
 def _may_float(arm: LiveArm, i: int, here: Vector) -> bool:
-    """True where joint i weighs so little that its link may run ahead of its motor."""
+    """True if gravity at joint i is so small that its link may run ahead of its motor."""
     rub = arm.configuration.joints[i].friction
     weight = abs(float(arm.model.gravity(here)[i]))
     return weight < rub.motor_coulomb + rub.link_coulomb
 
 
 def why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
-    """Most likely mistake of each joint whose link and motor are too far apart, from the
-    recorded motion or, where they came apart at rest, for the person to look; else empty."""
-    # What stands before the fault is the motion that it ended, perhaps of another joint.
+    """Most likely mistake of each joint whose link and motor are too far apart, from the recorded
+    motion, or both candidates if there is none; empty for any other error."""
+    # The text before the fault names the motion that it ended, perhaps of another joint.
     found = _FAULT.search(str(error))
     fault, names = found[0] if found else "", enumerate(arm.configuration.joint_names)
     return {
@@ -96,8 +96,8 @@ def _apart(arm: LiveArm, i: int, joint: str) -> str:
 
 
 def would_fit(c: Configuration, i: int, share: float) -> str:
-    """Gear or encoder's scale with which link i would follow, in words; empty if it hardly did, or
-    both are the motor's own."""
+    """Words on the gear or encoder scale with which link i would match its motor; empty if the link
+    hardly moved, or the motors are not CANopen drives."""
     wiring = c.joints[i].wiring
     profile = c.drives[wiring.profile]
     if share < 0.03 or not isinstance(profile, CanopenProfile):
@@ -106,7 +106,7 @@ def would_fit(c: Configuration, i: int, share: float) -> str:
     counts = math.tau / scale
     off = share if agree(share, 1.0, 2.5) else 2.0 ** round(math.log2(share))
     return (
-        f"; by this wiring.gear, {wiring.gear:g}, would be about {wiring.gear / share:.3g}, or "
+        f"; then wiring.gear, {wiring.gear:g}, should be about {wiring.gear / share:.3g}, or "
         f"drives.{wiring.profile}.link_position.scale, {figure(scale)} ({counts:.0f} counts per "
         f"turn), {figure(scale / off)} ({counts * off:.0f} counts)"
     )

@@ -1,8 +1,8 @@
-"""Names and units of another program's CSV or MCAP: a YAML of the same name beside it.
+"""Names file of another program's CSV or MCAP: columns and units, in a YAML of the same name.
 
     # ramps.yaml, beside ramps.csv
     time: {column: TIME, unit: s}
-    rows: {column: test_nr, least: 100}            # leave out others
+    rows: {column: test_nr, least: 100}            # other rows are left out
     joints:
       elbow:
         link_position: {value: 0}                  # clamped: the same in every row
@@ -10,9 +10,9 @@
         torque: {column: TORQUE, unit: Nm}
     payload: 0.4                                   # kg; or {mass: 0.4, com: [0, 0, 0.05]}
 
-Beside an MCAP it has a `topic`, too, and columns are fields of its messages: `effort[2]`.
-A number in the log becomes number * unit * scale + offset, in SI and at the link. Without such a
-file columns have the names of `csv_log`, in SI.
+For an MCAP it also has a `topic`, and columns are fields of its messages: `effort[2]`. A number in
+the log is converted to number * unit * scale + offset, in SI at the link side. Without such a file,
+columns must have the names of `csv_log`, in SI.
 """
 
 import math
@@ -41,12 +41,12 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "current": {"A": 1.0, "mA": 1e-3},
     "torque": {"Nm": 1.0, "mNm": 1e-3},
 }
-"""Units of each quantity, the first of them is the default; in SI."""
+"""Units of each quantity with their factors to SI; the first is the default."""
 _ALIKE = {"motor_position": "link_position", "setpoint": "motor_velocity"}
 
 
 class Named(Settings, frozen=True, kw_only=True):
-    """Place of a quantity in the log: a column, or one value for all rows."""
+    """Source of a quantity: a column of the log, or one value for all rows."""
 
     column: str = ""
     value: float | None = None
@@ -69,7 +69,7 @@ Quantity = Literal[
 
 
 class LogNames(Settings, frozen=True, kw_only=True):
-    """Content of the file; `topic` for an MCAP alone, whose columns are fields of its messages."""
+    """Content of the names file; `topic` is only for an MCAP."""
 
     topic: str = ""
     joints: dict[str, dict[Quantity, Named]]
@@ -79,7 +79,7 @@ class LogNames(Settings, frozen=True, kw_only=True):
 
 
 class Conversion(msgspec.Struct, frozen=True):
-    """Column of a CSV, or one value if there is none, and what makes SI of it."""
+    """Column, or a constant if `column` is empty, with the factor and offset to SI."""
 
     column: str
     factor: float = 1.0
@@ -87,28 +87,28 @@ class Conversion(msgspec.Struct, frozen=True):
 
 
 class NamedLog(msgspec.Struct, frozen=True):
-    """Places of `time` and of each `QUANTITY.JOINT`, which rows count, and the topic of an MCAP."""
+    """Conversions of `time` and each `QUANTITY.JOINT`, rows that count, and an MCAP's topic."""
 
     conversions: dict[str, Conversion]
     rows: Rows | None
     topic: str
     payload: PayloadEntry | None
-    """in the hand throughout"""
+    """Payload in the hand throughout the log."""
 
 
 def beside(log: Path) -> Path:
-    """Path of the names of a log."""
+    """Path of a log's names file."""
     return log.with_suffix(".yaml")
 
 
 def is_foreign(path: Path) -> bool:
-    """True for a log of another program: a CSV, or an MCAP with a file of names beside it."""
+    """True for a log of another program: a CSV, or an MCAP with a names file."""
     return path.suffix == ".csv" or (path.suffix == ".mcap" and beside(path).exists())
 
 
 def read_names(log: Path) -> NamedLog | None:
-    """Names of a log; None where no file is beside it. Raises LogError naming file, field, value
-    and what is allowed."""
+    """Content of a log's names file; None if there is none. Raises LogError that names file, field,
+    value and what is allowed."""
     path = beside(log)
     if not path.exists():
         return None
@@ -123,7 +123,7 @@ def read_names(log: Path) -> NamedLog | None:
             conversions[f"{quantity}.{joint}"] = _conversion(path, where, quantity, named)
     of_mcap = log.suffix == ".mcap"
     if of_mcap is not bool(names.topic):
-        about = "needed beside an MCAP" if of_mcap else "only an MCAP has any"
+        about = "required for an MCAP" if of_mcap else "allowed only for an MCAP"
         raise LogError(f"{path}: topic: {names.topic!r}, {about}")
     load = PayloadEntry(mass=names.payload) if isinstance(names.payload, float) else names.payload
     return NamedLog(conversions, names.rows, names.topic, load)

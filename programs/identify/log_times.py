@@ -1,5 +1,5 @@
-"""Times of a log's rows: those logged twice or only held are left out, rounded ones spread, and
-uneven ones put on a raster."""
+"""Clean-up of a log's times: removes duplicated and held rows, spreads rounded times evenly, and
+resamples uneven ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +8,14 @@ from common.arrays import Vector
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from programs.recordings.raster import on_raster
 
-_TWICE = 0.3  # share of equal neighbours, below which rows may have been logged twice
-_JITTER = 0.2  # of the period: beyond it, samples are put on a raster
+_TWICE = 0.3  # share of repeated times up to which rows may have been logged twice
+_JITTER = 0.2  # jitter, over the period, above which samples are resampled
 
 
 def once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Columns without the rows that were logged twice: those that repeat a time, where all of them
-    repeat the whole row, or where that is no rounding: spread evenly, times would move by more than
-    they are rounded by."""
+    """Columns without rows that were logged twice. Rows that repeat a time count as such if all of
+    them repeat the whole row, or if rounding does not explain them: spreading the times evenly
+    would move them by more than the rounding."""
     time_s = table["time"]
     again = np.diff(time_s, prepend=-np.inf) == 0.0
     even, notes = spread_evenly(time_s)
@@ -32,8 +32,8 @@ def once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
 
 
 def unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Columns without the rows that only hold what was measured before, of a log that was written
-    faster than it was measured: everything changes with every second row, or third, and so on."""
+    """Columns without rows that only repeat the last measurement, for a log that was written faster
+    than measured: values change only with every second row, or third, and so on."""
     at = np.flatnonzero(_changed(table))
     if len(at) < SHORTEST:
         return table, ()
@@ -42,13 +42,13 @@ def unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]
         return table, ()
     number = np.arange(len(table["time"]))
     since = number - at[np.searchsorted(at, number, side="right") - 1]
-    kept = since % round(most) == 0  # also where an arm stands, and nothing changes
+    kept = since % round(most) == 0  # keeps the rate while the arm stands and nothing changes
     left = {name: values[kept] for name, values in table.items()}
-    return left, (f"{(~kept).sum()} rows hold the values of the row before: left out",)
+    return left, (f"{(~kept).sum()} rows repeat the values of the row before: left out",)
 
 
 def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
-    """Rows (N,) in which anything but the time changed from the row before."""
+    """Mask (N,) of rows in which any value but the time differs from the row before."""
     changed = np.zeros(len(table["time"]), dtype=np.bool_)
     changed[:1] = True
     for name, values in table.items():
@@ -58,8 +58,8 @@ def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
 
 
 def spread_evenly(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:
-    """Times of which neighbours are equal, spread evenly: each stretch for itself, as a pause is no
-    part of any period."""
+    """Times with equal neighbours, spread evenly within each stretch, as a pause belongs to no
+    period."""
     steps = np.diff(time_s)
     rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
     if not rounded:
@@ -71,7 +71,7 @@ def spread_evenly(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:
 
 
 def rastered(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tuple[str, ...]]:
-    """The log as it is, or where its clock jitters, interpolated every median interval."""
+    """Log as it is, or if its clock jitters, resampled at the median interval."""
     period = log.period_s
     stretches = log.stretches(2.5 * period)
     steps = np.concatenate([np.diff(log.time_s[rows]) for rows in stretches])

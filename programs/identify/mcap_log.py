@@ -1,9 +1,9 @@
-"""Logs of other programs as MCAP files: the messages of one topic, as rows of numbers by field.
+"""Reader of other programs' MCAP files: messages of one topic as rows of numbers by field.
 
-A field is named by its way through a message: `effort`, `position[2]`, `joints.elbow.angle`; of a
-message that names its elements, `position.elbow` (ROS 2's JointState) or `joints.elbow.position`
-(Foxglove's JointStates). `time` is a message's stamp, or when it was logged [s]. JSON is read as it
-is, protobuf and ROS 2's CDR by the libraries of the extra `logs`.
+A field is named by its path in a message: `effort`, `position[2]`, `joints.elbow.angle`; if the
+message names its elements, `position.elbow` (ROS 2's JointState) or `joints.elbow.position`
+(Foxglove's JointStates). `time` is the message's stamp, or else its log time [s]. JSON is decoded
+directly, protobuf and ROS 2's CDR by the libraries of the extra `logs`.
 """
 
 import itertools
@@ -24,19 +24,19 @@ from daemon.protocol.text import printable
 from programs.clients.log_reader import BrokenError, mcap_records
 
 TIME: Final = "time"
-_FIRST: Final = 100  # messages, whose fields are those of the topic: several programs may send it
+_FIRST: Final = 100  # messages that define a topic's fields, as several programs may publish it
 _SECONDS: Final = ({"sec", "nanosec"}, {"seconds", "nanos"})
 _STAMPS: Final = ("header.stamp", "timestamp")
 _EXTRA: Final = "pip install 'contactd[logs]'"
 
 
 def read_rows(path: Path, topic: str) -> tuple[list[str], Iterator[tuple[int, list[float]]]]:
-    """Fields of a topic that are numbers, and the rows: the message's number and its values in that
-    order, NaN where it lacks one. Raises LogError, also while rows are read."""
+    """Numeric fields of a topic, and an iterator of rows: message number and values in that order,
+    NaN for a missing field. Raises LogError, also while rows are read."""
     messages = _messages(path, topic)
     first = list(itertools.islice(messages, _FIRST))
     if not first:
-        raise LogError(f"{path}: there are no messages of {printable(topic)} in it")
+        raise LogError(f"{path}: it contains no messages of {printable(topic)}")
     header = list(dict.fromkeys(itertools.chain.from_iterable(first)))
     rows = ([message.get(name, float("nan")) for name in header]
             for message in itertools.chain(first, messages))  # fmt: skip
@@ -46,8 +46,8 @@ def read_rows(path: Path, topic: str) -> tuple[list[str], Iterator[tuple[int, li
 def of_one_sender(
     path: Path, table: Matrix, columns: Sequence[str], stamp: int
 ) -> NDArray[np.bool_]:
-    """Rows (N,) of a table (N, k) of these columns that are not of other senders, which have none
-    of them but `stamp`. Raises LogError for a row that lacks one."""
+    """Mask (N,) of rows of a table (N, k) without those of other senders, which have no column but
+    `stamp`. Raises LogError for a row that has only some of the columns."""
     lacking = np.isnan(table)
     others = np.asarray(np.delete(lacking, stamp, axis=1).all(axis=1))
     if (short := lacking.any(axis=1) & ~others).any():
@@ -58,7 +58,7 @@ def of_one_sender(
 
 
 def headers(path: Path) -> dict[str, list[str]]:
-    """Fields of each topic of a file that can be read. Raises LogError where none can be."""
+    """Fields of each readable topic of a file. Raises LogError if none is readable."""
     known = dict.fromkeys(one.topic for one in _records(path) if isinstance(one, Channel))
     found: dict[str, list[str]] = {}
     why: LogError | None = None
@@ -101,7 +101,7 @@ def _messages(path: Path, topic: str) -> Iterator[dict[str, float]]:
                 decoders[channel.id] = _decoder(path, channel, schemas.get(channel.schema_id))
             try:
                 content = decoders[channel.id](found.data)
-            except Exception as error:  # of whichever library, of damaged bytes
+            except Exception as error:  # any library's exception on damaged bytes
                 raise LogError(f"{path}: a message of {printable(topic)} is no "
                                f"{channel.message_encoding}: {error}") from error  # fmt: skip
             yield {TIME: 1e-9 * found.log_time} | dict(_flat("", content))
@@ -111,7 +111,7 @@ def _messages(path: Path, topic: str) -> Iterator[dict[str, float]]:
 
 
 def _decoder(path: Path, channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
-    """Reader of a channel's messages. Raises LogError where none reads them."""
+    """Decoder of a channel's messages. Raises LogError if there is none."""
     encoding, topic = channel.message_encoding, printable(channel.topic)
     if encoding == "json":
         return msgspec.json.decode
@@ -124,7 +124,7 @@ def _decoder(path: Path, channel: Channel, schema: Schema | None) -> Callable[[b
         for factory in factories:
             if decoder := factory.decoder_for(encoding, schema):
                 return decoder
-    except Exception as error:  # of a schema that no library makes sense of
+    except Exception as error:  # any library's exception on an invalid schema
         raise LogError(f"{path}: the schema of {topic} cannot be read: {error}") from error
     by = f"{printable(encoding)} by {printable(schema.encoding) if schema else 'no schema'}"
     raise LogError(f"{path}: {topic} is encoded as {by}; json, protobuf, and cdr by ros2msg can be "
@@ -132,7 +132,7 @@ def _decoder(path: Path, channel: Channel, schema: Schema | None) -> Callable[[b
 
 
 def _factories() -> tuple[DecoderFactory, ...]:
-    """New ones: they keep schemas by numbers that another file gives to others."""
+    """Decoder factories, new for each file, as they cache schemas by IDs that differ by file."""
     import mcap_protobuf.decoder  # noqa: PLC0415 - of an extra
     import mcap_ros2.decoder  # noqa: PLC0415
 
@@ -140,7 +140,7 @@ def _factories() -> tuple[DecoderFactory, ...]:
 
 
 def _flat(name: str, content: Any) -> Iterator[tuple[str, float]]:
-    """Numbers of a message, by their way through it."""
+    """Numbers of a message by their path in it."""
     if isinstance(content, (int, float)):
         if not isinstance(content, bool):
             yield name, float(content)
@@ -149,18 +149,18 @@ def _flat(name: str, content: Any) -> Iterator[tuple[str, float]]:
     elif (fields := _fields(content)) is not None:
         if fields.keys() in _SECONDS:
             stamp = fields.values()
-            if any(stamp):  # not one that was never set
+            if any(stamp):  # a stamp of zeros was never set
                 whole, parts = stamp
                 yield TIME if name in _STAMPS else name, whole + 1e-9 * parts
             return
         names = [one for one in _elements(fields.get("name")) if isinstance(one, str)]
         for key, value in fields.items():
-            way = f"{name}.{key}" if name else key
+            path = f"{name}.{key}" if name else key
             if names and len(elements := _elements(value)) == len(names):
                 for one, element in zip(names, elements, strict=True):
-                    yield from _flat(f"{way}.{one}", element)
+                    yield from _flat(f"{path}.{one}", element)
             else:
-                yield from _flat(way, value)
+                yield from _flat(path, value)
     else:
         for k, value in enumerate(_elements(content)):
             own = (_fields(value) or {}).get("name")
@@ -168,7 +168,7 @@ def _flat(name: str, content: Any) -> Iterator[tuple[str, float]]:
 
 
 def _fields(content: Any) -> dict[str, Any] | None:
-    """Fields of a message of any library by name; None of what is no message."""
+    """Fields, by name, of a message decoded by any library; None for anything else."""
     if isinstance(content, dict):
         return content
     if hasattr(content, "DESCRIPTOR"):
@@ -179,6 +179,6 @@ def _fields(content: Any) -> dict[str, Any] | None:
 
 
 def _elements(content: Any) -> list[Any]:
-    """Elements of a list of any library; none of anything else."""
+    """Elements of a list type of any library; empty for anything else."""
     listed = isinstance(content, Iterable) and not isinstance(content, str | bytes | dict)
     return list(content) if listed else []

@@ -1,4 +1,4 @@
-"""Measurements for the identification, from the daemon's stream, MCAP recordings or a CSV."""
+"""Measurements for the identification, from the daemon's stream, recordings, or other logs."""
 
 import dataclasses
 import hashlib
@@ -28,43 +28,41 @@ from programs.identify.foreign import constants_of, foreign_states, joined, read
 from programs.identify.log_names import is_foreign
 
 _DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
-_APART_S = 10.0  # between recordings, so that they are stretches
+_APART_S = 10.0  # pause between joined recordings, so that they count as separate stretches
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Log of a motion, the residuals of the daemon's estimator meanwhile, and a hash of the log."""
+    """Log of a motion with the residuals of the daemon's estimator, and a hash of the log."""
 
     log: MotionLog
     sha256: str
     residual: Matrix | None = None  # (N, n) [Nm]
-    raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
-    touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
-    unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
-    reference: Matrix | None = (
-        None  # (N, n) of the link positions [rad]; None of another controller
-    )
-    gain: float | None = None  # of the position loop meanwhile [1/s]; None where it is not known
-    load: str = ""  # that the model counted, in words
+    raised: Matrix | None = None  # (N, n) excess of the threshold over its level at speed [Nm]
+    touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual is not zero
+    unsure: NDArray[np.bool_] | None = None  # (N,) residual is outdated or restarting
+    reference: Matrix | None = None  # (N, n) positions [rad]; None if another controller moved it
+    gain: float | None = None  # of the position loop [1/s]; None if unknown
+    load: str = ""  # payload that the model included, in words
     notes: tuple[str, ...] = ()
-    outdated: str = ""  # recording whose residuals use other values than today's, in words
+    outdated: str = ""  # words on a recording whose residuals use outdated values
 
 
 def read_measured(
     paths: Sequence[Path], c: Configuration, *, gap_of: str = "", robot: Robot | None = None,
     residuals: bool = False,
 ) -> Measured:  # fmt: skip
-    """Measurements of recordings by `contactctl record`, one after another, or of logs of other
-    programs, which need no other joint than the one whose gap is asked for (`gap_of`), lose the
-    skew of their columns where the robot is known, and get its residuals where these are needed.
+    """Measurements of recordings by `contactctl record`, joined, or of logs of other programs.
 
-    Raises LogError, also if they were made with other drives or another wiring than `c` has.
+    gap_of: the only joint that such logs must contain; robot: removes the skew of their columns;
+    residuals: runs the robot's estimator over them. Raises LogError, also for recordings made with
+    other drives or another wiring than those of `c`.
     """
     foreign = [path for path in paths if is_foreign(path)]
     if foreign and (robot is None or not residuals):
         if len(foreign) < len(paths):
-            raise LogError(f"{len(paths)} files: give logs of other programs alone, or recordings "
-                           "of contactd (.mcap)")  # fmt: skip
+            raise LogError(f"{len(paths)} files: give either logs of other programs or recordings "
+                           "of contactd (.mcap), not both")  # fmt: skip
         if robot is None or gap_of:
             joints = [gap_of] if gap_of else c.joint_names
             read = [read_csv(path, joints, constants_of(c), of_gap=bool(gap_of)) for path in paths]
@@ -88,7 +86,7 @@ def read_measured(
         if why := incompatibility(recorded, c, residuals=True):
             outdated = f"{path} {why}"
         if broken:
-            notes.append(f"{broken}; what is whole is used")
+            notes.append(f"{broken}; the intact part is used")
         begun = found[0].time_s
         states += [replace(s, time_s=s.time_s - begun + later) for s in raised(found, recorded)]
     if gap_of:
@@ -97,23 +95,22 @@ def read_measured(
     measured = dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
     if not foreign or robot is None:
         return measured
-    # What passed a level that was only a guess was no touch.
+    # Exceeding a level that was only guessed does not count as a touch.
     guessed = [name in unidentified("thresholds", robot.identified, c) for name in c.joint_names]
     touched = None if measured.touched is None else measured.touched & ~np.array(guessed)
     return dataclasses.replace(measured, reference=None, touched=touched)
 
 
 def moved(states: list[State]) -> list[State]:
-    """States of the motion that was for the gap, without those before and after, in which the arm
-    only held; all where most was held, while a hand moved the link."""
+    """States of a gap measurement's motion, without those before and after it in which the arm
+    held; all States if the arm mostly held, while a hand moved the link."""
     tracked = [s for s in states if s.mode == Mode.TRACKING]
     return tracked if 2 * len(tracked) > len(states) else states
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
-    """States whose threshold is only the part in force beyond the contact level of `c` and what
-    that grows by with speed, 0 where learning has lowered it: recordings may have been made at
-    different levels."""
+    """States whose `threshold` is reduced by the contact level of `c` and its growth with speed, at
+    least 0 where learning has lowered it, so that recordings made at different levels compare."""
     levels = np.array([joint.thresholds.contact for joint in c.joints])
     growth = np.array([joint.thresholds.per_speed for joint in c.joints])
 
@@ -127,19 +124,19 @@ def raised(states: Iterable[State], c: Configuration) -> list[State]:
 
 
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
-    """Reason why samples (or residuals as well) of one configuration are of no use for `c`, or an
-    empty text. It is meant to follow the recording's name."""
+    """Reason, to follow the recording's name, why its samples, or with `residuals` its residuals,
+    cannot be used for `c`; empty if they can."""
     if not samples_alike(recorded, c):
-        return ("was recorded with other drives, another wiring or another period than the "
-                "configuration has now")  # fmt: skip
+        return ("was recorded with other drives, another wiring or another period than the present "
+                "configuration has")  # fmt: skip
     if residuals and not residuals_alike(recorded, c):
-        return "has residuals of other values of the joints than are in force now"
+        return "has residuals computed with other values of the joints than those in force"
     return ""
 
 
 def refuse_incompatible(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
-    """Check the beginnings of recordings before a motion adds another to them. Raises LogError,
-    which names those that are of no use beside it."""
+    """Check the configurations of recordings before a motion adds another one. Raises LogError that
+    names those that cannot be combined with it."""
     reasons = []
     for path in paths:
         try:
@@ -159,12 +156,12 @@ def _recorded_with(path: Path) -> Configuration:
             begun = message
         elif begun is not None:
             return configuration_of(begun, path)
-    raise LogError(f"{path}: there are no samples in it")
+    raise LogError(f"{path}: it contains no samples")
 
 
 def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Configuration]:
-    """States of a recording, why it breaks off, and the configuration of then. Raises LogError if
-    it has no States."""
+    """States of a recording, why it breaks off (or empty), and its configuration. Raises LogError
+    if it has no States."""
     states: list[State] = []
     begun: Snapshot | None = None
     broken: LogError | None = None
@@ -181,7 +178,7 @@ def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Con
     if begun is not None and begun.joints != list(joints):
         raise LogError(f"{path} is of another arm, with the joints {', '.join(begun.joints)}")
     if begun is None or not states:
-        raise broken or LogError(f"{path}: there are no samples in it")
+        raise broken or LogError(f"{path}: it contains no samples")
     return states, str(broken or ""), configuration_of(begun, path)
 
 
@@ -194,8 +191,8 @@ def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration
 def from_states(
     states: Iterable[State], joints: Sequence[str], notes: tuple[str, ...] = ()
 ) -> Measured:
-    """Measurements of the ticks with complete samples in which the arm was energised. Pass States
-    through `raised` first if their thresholds count. Raises LogError."""
+    """Measurements from ticks with complete samples in which the arm was energised. Pass States
+    through `raised` first if their thresholds are used. Raises LogError."""
     used = [s for s in states if all(s.fresh) and s.mode in SENSING]
     if len(used) < 2:
         raise ShortLogError("the log is too short: the arm was never energised in it")
@@ -206,7 +203,7 @@ def from_states(
     }
     log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
     thresholded = np.array([s.thresholded for s in used])
-    # A residual that is old, or begins anew, and levels that are raised for it, teach nothing.
+    # Residuals that are outdated or restarting, and levels raised for that, carry no information.
     unsure = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
     return Measured(
         log=log,
@@ -222,7 +219,7 @@ def from_states(
 
 
 def _named(paths: Sequence[Path], notes: Sequence[Sequence[str]]) -> list[str]:
-    """Notes on each log, by its name where there are several."""
+    """Notes on each log, prefixed by its name if there are several."""
     pairs = zip(paths, notes, strict=True)
     return [f"{p.name}: {one}" if len(paths) > 1 else one for p, each in pairs for one in each]
 

@@ -1,4 +1,4 @@
-"""Content of `identified.yaml` with new entries in it."""
+"""Merging of new entries into the content of `identified.yaml`."""
 
 import msgspec
 
@@ -11,10 +11,10 @@ from daemon.config.marks import marks_of
 def merged(
     robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
-    """Content of the robot's file with the entries of one step in it.
+    """Content of the robot's file with the entries of one step merged into it.
 
-    Entries of another drive are dropped. Those of another configuration stay, known by their mark,
-    in case that it comes back; of a file of before, whose entries have none, they are dropped.
+    Entries of another drive are dropped. Entries of another configuration, recognised by their
+    mark, stay in case it returns; those without a mark, in a file of an older format, are dropped.
     """
     joints = _marked(robot)
     for name, found in entries.items():
@@ -30,7 +30,7 @@ def merged(
 
 
 def _marked(robot: Robot) -> dict[str, file.IdentifiedJoint]:
-    """Entries of the file by joint, those in force with the mark of today's format."""
+    """Entries of the file by joint; those in force get the mark of the present format."""
     old = robot.identified or file.Identified()
     c, urdf = robot.configuration, robot.urdf
 
@@ -48,6 +48,6 @@ def _marked(robot: Robot) -> dict[str, file.IdentifiedJoint]:
 
 
 def merged_payloads(robot: Robot, found: dict[str, file.IdentifiedPayload]) -> file.Identified:
-    """Content of the robot's file with these loads in it."""
+    """Content of the robot's file with these payloads merged into it."""
     old = robot.identified or file.Identified()
     return msgspec.structs.replace(old, payloads=old.payloads | found)

@@ -1,6 +1,6 @@
-"""Overview of the identification: known parameters of each joint, quality, age, and what is next.
+"""Overview of the identification: known parameters of each joint, quality, age, and next step.
 
-Pure: from a configuration and its identified.yaml; time is an argument.
+Pure functions of a configuration and its identified.yaml; time is an argument.
 """
 
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ COLUMNS: Final[tuple[ArmingStep, ...]] = get_args(ArmingStep)
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One step of one joint: its state in words, and whether it may be used."""
+    """State of one step of one joint in words, and whether it is usable."""
 
     text: str
     good: bool
@@ -28,16 +28,16 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """Cells by joint and step, and the command to run next; empty where nothing is missing."""
+    """Cells by joint and step, and the command to run next, empty if nothing is missing."""
 
     cells: dict[str, dict[ArmingStep, Cell]]
     following: str
     payloads: dict[str, Cell] = field(default_factory=dict)
-    """Loads that were weighed, by name"""
+    """Identified payloads, by name."""
 
 
 def overview(robot: Robot, now: datetime) -> Overview:
-    """Overview of one robot at a time."""
+    """Overview of one robot at time `now`."""
     c, found = robot.configuration, robot.identified
     missing = {step: unidentified(step, found, c) for step in COLUMNS}
     void = {step: outdated(step, found, c, robot.urdf) for step in COLUMNS}
@@ -70,7 +70,7 @@ def overview(robot: Robot, now: datetime) -> Overview:
 
 
 def _payloads(robot: Robot, now: datetime) -> dict[str, Cell]:
-    """Identified payloads; invalidated with friction and masses."""
+    """Cells of identified payloads, which a change of friction or masses invalidates."""
     of = marks(robot.configuration, robot.urdf)[IdentifiedPayload.depends]
     cells = {}
     for name, load in (robot.identified.payloads if robot.identified else {}).items():
@@ -83,6 +83,6 @@ def _payloads(robot: Robot, now: datetime) -> dict[str, Cell]:
 def _age(date: str, now: datetime) -> str:
     try:
         days = (now - datetime.fromisoformat(date)).days
-    except (ValueError, TypeError):  # a date by hand, perhaps without its time zone
+    except (ValueError, TypeError):  # a date typed by hand, perhaps without time zone
         return printable(date)[:30]
     return "today" if days < 1 else f"{days} d ago"

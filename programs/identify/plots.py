@@ -1,6 +1,6 @@
-"""Plots of identification results, after the paper's figures 5, 6 and 7.
+"""Plots of identification results, after figures 5, 6 and 7 of the paper.
 
-They need matplotlib, which is no dependency of the daemon: without it there are no plots.
+They need matplotlib, which the daemon does not depend on; without it no plots are made.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ def _figure(rows: int, columns: int) -> tuple[Any, Any, Any]:
 
 
 def _curve(axis: Any, time_s: Vector, values: Vector, *style: str, **more: Any) -> None:
-    """Draw a curve that breaks off where samples are missing."""
+    """Draw a curve that is interrupted where samples are missing."""
     steps = np.diff(time_s, prepend=time_s[0])
     values = np.where(steps > 3.0 * np.median(steps), np.nan, values)
     axis.plot(time_s - time_s[0], values, *style, lw=0.8, **more)
@@ -57,7 +57,7 @@ def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> list[Pa
 
 def plot_friction(log: MotionLog, shown: Reconstruction, folder: Path) -> list[Path]:
     """Plot phi (figure 5), the motion (figure 6), and r_nl with its reconstruction (figure 7), one
-    row for each joint. Returns the files written."""
+    row per joint. Returns the files written."""
     paths = []
     for name, label, time_s, values in (
         ("phi.png", "phi [mrad]", shown.time_s, 1e3 * shown.phi),
@@ -83,8 +83,8 @@ def plot_friction(log: MotionLog, shown: Reconstruction, folder: Path) -> list[P
 
 
 def plot_direct(shown: Mapping[str, tuple[Law, list[Point]]], folder: Path) -> list[Path]:
-    """Plot friction over load and over speed, one row for each joint: points, coloured by the other
-    of the two, and the law at three values of that. Returns the files written."""
+    """Plot friction over load and over speed, one row per joint: points, coloured by the other of
+    the two, and the friction law at three values of the other. Returns the files written."""
     try:
         plt, figure, axes = _figure(len(shown), 2)
     except ImportError:

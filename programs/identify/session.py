@@ -1,8 +1,8 @@
-"""Session with the running daemon: motions of identification, recorded as they happen.
+"""Session with the running daemon: runs and records the motions of the identification.
 
-What is measured goes into recordings like those of `contactctl record`: a step that was stopped
-goes on with what it has, and live steps share all code behind with `--log`. Each step has
-its own warning for a joint that is touched meanwhile.
+Measurements are stored in recordings like those of `contactctl record`, so that an interrupted step
+can continue, and live steps share their evaluation with `--log`. Each step has its own warning for
+a joint that is touched meanwhile.
 """
 
 import itertools
@@ -30,21 +30,22 @@ from programs.identify.measured import configuration_of
 from programs.identify.stream_readers import collecting, recording
 
 _SETTLE_S = 6.0
-# An unattended arm halts after 2 s.
+# The daemon halts an attended motion after 2 s without a request.
 _ATTENDS_EVERY_S = 0.5
-# No joint moves that in so long moves less [s, rad].
+# Window and largest displacement of a joint at rest [s, rad].
 _STILL_S, _STILL = 0.3, 0.002
-_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # no other follows by itself
-# Modes while our trajectory runs and after its end; any other mode ended it.
+_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # left only by a command or contact
+# Modes while our trajectory runs and after its end; any other mode means it was interrupted.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
 
 class InterruptedStepError(ContactdError):
-    """Step that was stopped; its measurements are kept."""
+    """Error of a step that was interrupted; its measurements are kept."""
 
 
 def distrust(status: Status) -> str:
-    """Reason why links are not trusted, and only motors may be moved; empty if they are."""
+    """Reason why link positions are not trusted, so that only motors may be moved; empty if they
+    are trusted."""
     checks = (one for one in status.checks if one.name == "identification" and not one.passed)
     return next((check.text for check in checks), "")
 
@@ -52,10 +53,8 @@ def distrust(status: Status) -> str:
 def followed(
     states: Iterable[State], each: Callable[[State], bool], on_contact: Callable[[Notice], None]
 ) -> str:
-    """Follow the trajectory to its end, or until `each`, called with every State of it, is true.
-
-    Returns what else ended it; `on_contact` gets contacts as they come.
-    """
+    """Follow the trajectory to its end, or until `each`, called with each of its States, returns
+    True. Returns why it ended otherwise, or empty; `on_contact` is called with each contact."""
     begun = False
     for state in states:
         for event in state.notices:
@@ -73,19 +72,18 @@ def followed(
 
 @dataclass(slots=True)
 class Session:
-    """Connection to the daemon, and the folder for recordings; `say` shows the person a text."""
+    """Connection to the daemon, and the folder for recordings; `say` shows a text to the user."""
 
     socket: Path | None
     folder: Path
     say: Callable[[str], None]
     may_move: Callable[[bool], bool] = lambda off: False
-    """asks the person; off: the drives are, and are enabled for it"""
+    """Asks the user; argument `off`: the drives are off and would be enabled."""
     client: Client = field(init=False)
     here: Vector | None = None
-    """where the arm stood when this session enabled it (n,) [rad]; None: it was enabled
-    elsewhere"""
+    """Pose (n,) [rad] in which this session enabled the arm; None if another client did."""
     _held: bool = False
-    _runs: bool = False  # a motion of this session
+    _runs: bool = False  # a motion of this session is running
 
     def __post_init__(self) -> None:
         self.client = Client(self.socket)
@@ -95,7 +93,7 @@ class Session:
         self.client.close()
 
     def reload(self) -> None:
-        """Have the daemon, which is off, read its files anew. Raises ContactdError."""
+        """Make a daemon in mode off reload its files, and reconnect. Raises ContactdError."""
         self.client.close()
         try:
             reload(self.socket)
@@ -103,20 +101,20 @@ class Session:
             self.client = Client(self.socket)
 
     def take_up_changes(self) -> None:
-        """The same where it is off and its files were changed since it read them."""
+        """Reload if the daemon is off and its files were changed since it read them."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF and status.changed:
             self.reload()
 
     def configuration(self) -> Configuration:
-        """Configuration that the daemon runs with, whatever its files say by now."""
+        """Configuration that the daemon runs with, even if its files have changed since."""
         with Client(self.socket) as reader:
             return configuration_of(reader.subscribe()[0])
 
     def hold(self, *, motors_only: bool = False) -> Status:
-        """Wait until the arm holds, disarmed; the first time if the person agrees that it moves.
-        Raises ControlError where it does not hold, while it runs a motion started elsewhere, and,
-        unless `motors_only` are to move, before drives are enabled whose links are not trusted."""
+        """Bring the arm to hold, disarmed; the first time only if the user agrees that it moves.
+        Raises ControlError if it does not hold, if it runs another client's motion, or, unless
+        `motors_only`, if the drives are off and link positions are not trusted."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF:
             if self._held:
@@ -124,7 +122,7 @@ class Session:
             if not motors_only and (why := distrust(status)):
                 raise ControlError(f"the drives stay off: {why}")
             if not self.may_move(True):
-                raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
+                raise ControlError("the drives are off: check the arm, then `contactctl enable`")
             self.here = np.array(status.link_position)
             self._enable()
         if status.mode == Mode.FAULTED:
@@ -147,8 +145,8 @@ class Session:
     def _enable(self) -> None:
         reply = self.client.request("enable")
         if not reply.ok and Condition.APART in reply.refusal:
-            # As the links were moved by hand, perhaps: a daemon that begins anew knows nothing of
-            # that, and sees it again as soon as something moves.
+            # The links may have been moved by hand. A reload clears this state; if motor and link
+            # really disagree, the daemon detects it again as soon as something moves.
             self.reload()
             reply = self.client.request("enable")
         if not reply.ok:
@@ -156,7 +154,7 @@ class Session:
         self._settle()
 
     def _settle(self) -> None:
-        """Wait until no joint moves: links sag where brakes open, until their drives hold them."""
+        """Wait until no joint moves: links sag when brakes open, until their drives hold them."""
         before = self.client.ask_status()
         patient_until = before.uptime_s + _SETTLE_S
         while (now := self.client.ask_status()).uptime_s < patient_until:
@@ -168,21 +166,21 @@ class Session:
             time.sleep(0.02)
 
     def recover(self) -> None:
-        """After a fault, in which this session's own motion has ended: have the daemon begin anew,
-        and enable again. Raises ControlError."""
+        """Recover from a fault that ended this session's motion: reset, reload, and enable again.
+        Raises ControlError."""
         self.reset()
         self.reload()
         self.client.demand("enable")
         self._settle()
 
     def reset(self) -> None:
-        """Acknowledge such a fault; the drives are off then. Raises ControlError."""
+        """Acknowledge a fault, after which the drives are off. Raises ControlError."""
         if not (reply := reset(self.client, _SETTLE_S)).ok:
             raise ControlError(reply.refusal)
         self._until_off()
 
     def disable(self) -> None:
-        """Let the joints end as configured. Raises ControlError where they do not in time."""
+        """Switch the drives off, joints as configured. Raises ControlError on timeout."""
         self.client.demand("disable")
         self._until_off()
 
@@ -193,16 +191,18 @@ class Session:
         if not off(status := asked_until(self.client.ask_status, off, _SETTLE_S)):
             if status.mode == Mode.OFF:
                 joints = ", ".join(status.unproved)
-                raise ControlError(f"the drives are off; not seen to stand: {joints}: look")
+                raise ControlError(
+                    f"the drives are off; not seen to stand: {joints}: check the arm"
+                )
             raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
 
     @contextmanager
     def watched(self, settled: Callable[[list[State]], bool]) -> Iterator[list[State]]:
-        """Every State while the block runs, which begins once they are `settled`, in a list that
-        grows; the drives are off. Raises ControlError where they are not, UnreachableError."""
+        """Growing list of all States while the block runs, which starts once they are `settled`.
+        Raises ControlError if the drives are not, or do not stay, off; UnreachableError."""
         if (status := self.client.ask_status()).mode != Mode.OFF:
             raise ControlError(
-                f"the arm is {status.mode}: links are pushed while the drives are off "
+                f"the arm is {status.mode}: links may only be pushed while the drives are off "
                 "(`contactctl disable`; after a fault `contactctl reset`)"
             )
         with collecting(self._connect, settled) as seen:
@@ -211,15 +211,15 @@ class Session:
         if left := next((one for one in looked if one.mode != Mode.OFF), None):
             raise ControlError(
                 f"the arm did not stay off: {left.mode}, {left.cause}; after a fault "
-                "`contactctl reset`, then the joints that are left: push softly"
+                "`contactctl reset`, then repeat the remaining joints: push gently"
             )
 
     def parts(self, step: str) -> list[Path]:
-        """Recordings of a step that is not concluded, oldest first."""
+        """Recordings of a step that is not concluded yet, oldest first."""
         return sorted(self.folder.glob(f"{step}.part*.mcap"))
 
     def conclude(self, step: str, stamp: str) -> None:
-        """Rename the recordings of a step whose results are written: they are evidence now."""
+        """Rename the recordings of a step whose results are written, to keep them as evidence."""
         for number, path in enumerate(self.parts(step), start=1):
             path.rename(self.folder / f"{step}-{stamp.replace(':', '')}-{number}.mcap")
 
@@ -235,13 +235,12 @@ class Session:
         touch_ends: bool = False,
         to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
-        """Run link positions (N, n) and record them; `each` gets every State of it and may end
-        it; a `warning` about a contact is shown at once, or with `touch_ends` ends it.
+        """Run and record a path (N, n) [rad]. `each` is called with each of its States, and ends it
+        by returning True; a `warning` about a contact is shown, or with `touch_ends` ends it.
 
-        Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with the text
-        `to_go_on`; ControlError and TrajectoryError where it cannot begin, LogError where it cannot
-        be recorded. The arm holds afterwards if it still can, also where this process is killed or
-        stopped.
+        Raises InterruptedStepError, with the text `to_go_on`, for Ctrl-C and any other
+        interruption, ControlError and TrajectoryError if the motion cannot start, LogError if it
+        cannot be recorded. The arm then holds if it can, even if this process is killed.
         """
         touched: list[str] = []
         attended_s = -math.inf
@@ -270,9 +269,9 @@ class Session:
         with recording(self._connect, free, self.say) as failures:
             try:
                 with Client(self.socket) as reader:
-                    # Before the start, so that no State of it is missed.
+                    # Subscribe before the start, so that no State of the motion is missed.
                     _, states = reader.subscribe()
-                    self._runs = True  # before the answer comes: Ctrl-C may come first
+                    self._runs = True  # set before the reply, as Ctrl-C may come first
                     reply = self.client.start_loaded(attended=True)
                     if not reply.ok:
                         self._runs = False
@@ -291,7 +290,7 @@ class Session:
             raise InterruptedStepError(f"{what} did not finish: {ended}. {to_go_on}")
 
     def _refused(self, reply: Reply) -> str:
-        """Reason of a refusal; for a fault in the moment before, also its cause."""
+        """Reason of a refusal, with the cause of a fault if there is one."""
         status = self.client.ask_status()
         return f"{reply.refusal}: {status.cause}" if status.mode == Mode.FAULTED else reply.refusal
 

@@ -1,4 +1,4 @@
-"""Display of an identification: tables, and phi while it is moved by hand."""
+"""Display of the identification: tables, and a live histogram of phi."""
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -14,7 +14,7 @@ _WIDTH = 64
 
 
 def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
-    """Print one row for each joint, names in `width` columns; reasons, which are long, below."""
+    """Print one row per joint, with names padded to `width`, and below it reasons and notes."""
     table = Table(box=None, pad_edge=False, show_header=len(outcome.lines) > 1)
     for column, least in (("joint", width), ("verdict", None), ("figures", None)):
         table.add_column(column, overflow="fold", min_width=least)
@@ -30,7 +30,7 @@ def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
 
 
 def print_overview(console: Console, seen: Overview) -> None:
-    """Print one row for each joint, one column for each step, and the next command."""
+    """Print a table with a row per joint and a column per step, and the next command."""
     table = Table(box=None, pad_edge=False)
     for column in ("joint", *COLUMNS):
         table.add_column(column, overflow="fold")
@@ -52,7 +52,7 @@ def histogram(phi: list[float], gap: GapResult | None) -> RenderableType:
     values = 1e3 * np.array(phi)
     low, high = float(values.min()), float(values.max())
     counts, _ = np.histogram(values, bins=_WIDTH, range=(low, max(high, low + 0.1)))
-    # Roots show the few samples on the way beside the many at rest.
+    # Square roots make the few samples in transit visible beside the many at rest.
     heights = np.sqrt(counts / max(int(counts.max()), 1))
     bars = "".join(_BARS[round(h * (len(_BARS) - 1))] for h in heights)
     here = int((values[-1] - low) / max(high - low, 0.1) * (_WIDTH - 1))

@@ -1,4 +1,4 @@
-"""Contact levels that a person states, beside identified ones: which is in force. Pure."""
+"""Contact levels stated in config.yaml and identified ones: which are in force. Pure functions."""
 
 from collections.abc import Iterator
 
@@ -20,8 +20,8 @@ def source(joint: Joint, found: file.Identified | None) -> str:
 
 
 def unused(c: Configuration, found: file.Identified | None) -> Iterator[Problem]:
-    """Identified levels that are not used; a warning where a stated one is lower, at rest or at the
-    largest speed measured."""
+    """Problems of identified levels that are not used, with a warning if the stated level is lower,
+    at rest or at the largest measured speed."""
     for i, joint in enumerate(c.joints):
         entry = found.joints.get(joint.name, file.IdentifiedJoint()).thresholds if found else None
         if entry is None or "thresholds" not in joint.known:
@@ -35,12 +35,12 @@ def unused(c: Configuration, found: file.Identified | None) -> Iterator[Problem]
             "it, remove `thresholds` from its `known`"
         )
         if measured.contact + more > stated.contact:
-            text += "; what is stated is less than was measured: expect contacts without a touch"
+            text += "; the stated level is below the measured one: expect false contacts"
         yield Problem(*at(i, joint, "thresholds", "contact"), text)
 
 
 def misfits(c: Configuration, found: file.Identified) -> dict[str, str]:
-    """Reasons why `least` in `config.yaml` (`c`) does not fit identified levels, by joint."""
+    """Reasons, by joint, why `least` in `config.yaml` (`c`) contradicts identified levels."""
     return {
         joint.name: f"thresholds.least of config.yaml: {problem.what}"
         for joint in c.joints

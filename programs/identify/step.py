@@ -1,4 +1,4 @@
-"""Step of the identification: a command, and what comes of it."""
+"""Step of the identification: its command line and its outcome."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from daemon.config.identified import Entry, IdentifiedPayload
 
 Option = Callable[[Callable[..., None]], Callable[..., None]]
-"""Decorator of `click` that adds an option or argument"""
+"""Decorator of `click` that adds an option or argument."""
 
 CONFIG: Final = click.option(
     "--config", type=PATH, help="Robot's folder; by default that of the running daemon."
@@ -24,30 +24,30 @@ SHARED_OPTIONS: Final[tuple[Option, ...]] = (
     CONFIG,
     click.option("--log", "logs", type=PATH, multiple=True,
                  metavar="FILE",
-                 help="Learn from a recording (.mcap, may be repeated) or a log of another "
-                 "program (docs/logs.md), instead of moving the arm."),
-    click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
+                 help="Use a recording (.mcap, may be repeated) or a log of another program "
+                 "(docs/logs.md) instead of moving the arm."),
+    click.option("--dry-run", is_flag=True, help="Write no results and no plots."),
     click.option("--yes", is_flag=True,
-                 help="Reset a fault, enable drives that are off, and move the arm, without a "
-                 "question, for scripts."),
+                 help="Reset a fault, enable drives that are off, and move the arm, without "
+                 "asking; for scripts."),
     SOCKET,
 )  # fmt: skip
-"""Options of a step that moves the arm, or takes logs instead."""
+"""Options of a step that moves the arm, or reads logs instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """Step of the identification, as `contactd identify` offers it. What its entry replaces and
-    depends on is stated in `daemon.config.identified`."""
+    """Step of the identification, a command of `contactd identify`. `daemon.config.identified`
+    states what its entry replaces and depends on."""
 
     run: Callable[..., bool]
-    """Takes an `Identification` and the values of its own options; from measurements to entries;
-    True if all are good. Its docstring is the command's help."""
+    """Function of an `Identification` and the values of the step's options, which turns
+    measurements into entries; True if all are good. Its docstring is the command's help."""
     options: tuple[Option, ...]
     quality: Callable[[Any], str]
-    """Quality of an entry, in words"""
+    """Quality of an entry in words."""
     order: int
-    """Place among the steps, in the order in which a person needs them"""
+    """Position among the steps, which are numbered in the order of their use."""
 
     @property
     def name(self) -> str:
@@ -56,7 +56,7 @@ class Step:
 
     @property
     def by_joint(self) -> bool:
-        """True where joints may be named."""
+        """True if the step takes names of joints."""
         return JOINTS in self.options
 
 
@@ -66,14 +66,14 @@ def step(
     shared: tuple[Option, ...] = SHARED_OPTIONS,
     quality: Callable[[Any], str] = lambda entry: "",
 ) -> Callable[[Callable[..., bool]], Step]:
-    """Decorator that makes a step of what it runs."""
+    """Decorator that turns a `run` function into a Step."""
     own = (*options, *shared)
     return lambda run: Step(run=run, options=own, quality=quality, order=order)
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Result of a step for one joint, for a person."""
+    """Printed result of a step for one joint."""
 
     joint: str
     verdict: str
@@ -84,18 +84,18 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """Result of a step: lines for a person, and entries for the file, by joint."""
+    """Result of a step: lines to print, and entries for identified.yaml, by joint."""
 
     lines: list[Line]
     entries: "dict[str, Entry]" = field(default_factory=dict)
     payloads: "dict[str, IdentifiedPayload]" = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     draw: Callable[[Path], list[Path]] | None = None
-    """Draws pictures in a folder, and returns their paths"""
+    """Function that draws plots into a folder and returns their paths."""
     unfinished: bool = False
-    """The step goes on with the same recordings"""
+    """True if the step continues with the same recordings."""
 
 
 def now() -> str:
-    """Time now as text: UTC, to the second."""
+    """Present time as ISO 8601 text: UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")

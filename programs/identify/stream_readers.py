@@ -1,4 +1,4 @@
-"""Readers of the daemon's stream in a thread of their own: a recording, and a list of States."""
+"""Background readers of the daemon's stream: into a recording, and into a list of States."""
 
 import threading
 import time
@@ -16,8 +16,8 @@ from programs.clients.client import Client
 def collecting(
     connect: Callable[[], Client], settled: Callable[[list[State]], bool]
 ) -> Iterator[list[State]]:
-    """Every State while the block runs, which begins once they are `settled`, in a list that
-    grows. Raises UnreachableError."""
+    """Growing list of all States while the block runs, which starts once they are `settled`. Raises
+    UnreachableError."""
     seen: list[State] = []
     ended = threading.Event()
     failures: list[ContactdError] = []
@@ -50,8 +50,8 @@ def collecting(
 def recording(
     connect: Callable[[], Client], path: Path, say: Callable[[str], None]
 ) -> Iterator[Sequence[ContactdError]]:
-    """Record while the block runs, which gets what failed, in a list that grows; delete the
-    recording if the block could not begin, or nothing of it could be written."""
+    """Record while the block runs; yields a growing list of failures. Deletes the recording if the
+    motion was refused or nothing could be written. Raises LogError, ContactdError."""
     try:
         path.parent.mkdir(exist_ok=True)
     except OSError as error:
@@ -63,7 +63,7 @@ def recording(
         try:
             made = recorder.record(connect, path, stop=ended.is_set)
             if made.lost:
-                say(f"{made.lost} ticks were not recorded: this machine is too busy")
+                say(f"{made.lost} ticks were not recorded: this computer is overloaded")
         except ContactdError as error:
             failures.append(error)
 

@@ -1,4 +1,4 @@
-"""Limit cycles in words: which joints swing by themselves, how fast, and the gain that ends it."""
+"""Reports on limit cycles: which joints oscillate, how fast, and the gain that ends it."""
 
 from collections.abc import Sequence
 
@@ -14,9 +14,9 @@ _EVERY_S = 2.0
 
 
 def swing_sentence(cycles: Sequence[LimitCycle], gain: float | None) -> str:
-    """Sentence about joints that swing, with the gain [1/s] that ends it, or an empty text.
+    """Sentence about joints in a limit cycle, with the gain [1/s] that ends it; empty if none.
 
-    gain: of the position loop that moved them; None where another controller did.
+    gain: of the position loop that moved them [1/s]; None if another controller did.
     """
     if not cycles:
         return ""
@@ -34,21 +34,21 @@ def swing_sentence(cycles: Sequence[LimitCycle], gain: float | None) -> str:
 
 
 def spoilt(cycles: Sequence[LimitCycle], gain: float | None) -> dict[str, str]:
-    """Sentence for each joint whose swinging looks like other parameters; gain: as above."""
+    """Sentence for each joint whose limit cycle spoils the identification; gain as above."""
     return {one.joint: swing_sentence([one], gain) for one in cycles if one.spoils}
 
 
 class SwingWatch:
-    """Joints that swing while their States come: the last seconds, looked at now and then."""
+    """Detector of limit cycles during a motion, which evaluates the last seconds periodically."""
 
     def __init__(self, joints: Sequence[str], gain: float, half_gap: Vector) -> None:
-        """gain: of the position loop [1/s]; half_gap (n,) [rad]."""
+        """Gain of the position loop [1/s]; half_gap (n,) [rad]."""
         self._joints, self._gain, self._half_gap = tuple(joints), gain, half_gap
         self._states: list[State] = []
         self._reported = False
 
     def saw(self, state: State) -> str:
-        """Take one State; returns the sentence once, when joints are seen to swing."""
+        """Add one State; returns the sentence once, when a limit cycle is first detected."""
         if self._reported:
             return ""
         if all(state.fresh):

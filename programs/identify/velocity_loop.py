@@ -1,7 +1,7 @@
-"""Advice on a velocity loop whose gains are too low: the drive receives its setpoints.
+"""Advice on a velocity loop whose gains are too low, although the drive receives its setpoints.
 
-A drive that hears nothing keeps its current. One whose current goes the way of its setpoint, though
-too slowly for the friction that holds its motor, was heard: what helps is the drive's own gain, or
+A drive that receives no setpoints keeps its current. If the current changes towards the setpoint,
+only too slowly to overcome friction, setpoints arrive: the remedy is a higher gain in the drive, or
 a larger `supervisor.following_margin` (docs/porting.md, step 8).
 """
 
@@ -16,14 +16,14 @@ from daemon.faults.following import HEARD_SHARE, TICKS
 from daemon.protocol.state import State
 
 REMEMBERED = TICKS + 10
-"""States before the end of a motion that are evaluated."""
-_MARGIN = 1.5  # times the largest deviation that was seen: docs/porting.md
-_LARGEST_MARGIN = 1.0  # times the velocity limit: a larger one is not proposed
+"""Number of States before the end of a motion that are evaluated."""
+_MARGIN = 1.5  # proposed margin over the largest velocity error: docs/porting.md
+_LARGEST_MARGIN = 1.0  # largest margin that is proposed, over the velocity limit
 
 
 def advice_on_following(ended: str, last: Sequence[State], c: Configuration) -> str:
-    """Remedy for the joint that `ended` a motion because its drive did not follow, by the `last`
-    States of it; empty where it ended otherwise, or the drive may be deaf."""
+    """Remedy for a joint whose drive did not follow its setpoints, if that `ended` a motion, from
+    its `last` States; empty for any other end, or if the drive may not receive setpoints."""
     for i, joint in enumerate(c.joints):
         if f"{Condition.NOT_FOLLOWING}: {joint.name}" not in ended or len(last) < TICKS:
             continue
@@ -31,10 +31,10 @@ def advice_on_following(ended: str, last: Sequence[State], c: Configuration) -> 
         pressed = last[-1].current[i] - last[-TICKS].current[i]
         if pressed * off[-1] < HEARD_SHARE * joint.wiring.max_current_A * abs(off[-1]):
             return ""
-        advice = f". {joint.name}: its velocity loop is soft: raise its gains by the maker's tool"
+        advice = f". {joint.name}: its velocity loop is too soft: raise its gains (maker's tool)"
         margin = math.ceil(10.0 * _MARGIN * float(np.abs(off).max()) / joint.limits.velocity) / 10.0
         if c.supervisor.following_margin < margin <= _LARGEST_MARGIN:
-            advice += (f"; if that cannot be, set supervisor.following_margin to {margin:g} (it is "
-                     f"{c.supervisor.following_margin:g})")  # fmt: skip
+            advice += (f"; if that is impossible, set supervisor.following_margin to {margin:g} "
+                       f"(it is {c.supervisor.following_margin:g})")  # fmt: skip
         return f"{advice}: docs/porting.md, step 8"
     return ""

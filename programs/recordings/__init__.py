@@ -1,1 +1,1 @@
-"""Answers from recordings: contents, plots, what-ifs, other formats. No daemon is asked."""
+"""Evaluation of recordings, without a daemon: contents, plots, what-ifs, other formats."""

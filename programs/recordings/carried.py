@@ -1,9 +1,9 @@
-"""Payload in the hand during a replay, as recorded unless something else is asked.
+"""Payload in the hand during a replay: as recorded, unless it is overridden.
 
-`--set payload=VALUE` is carried all the time: `none`, a mass [kg] at the tool point, a name under
-`payloads`, or `{mass: 0.4, com: [0, 0, 0.05]}`. `--set payloads.NAME.mass=0.5` changes what was
-carried under that name. An unannounced load stops learning, as it did; one that is announced here
-counts as known.
+`--set payload=VALUE` overrides it throughout: `none`, a mass [kg] at the tool point, a name under
+`payloads`, or `{mass: 0.4, com: [0, 0, 0.05]}`. `--set payloads.NAME.mass=0.5` changes a payload
+that was carried under that name. An unannounced load suspends learning, as it did when recorded,
+unless the payload is overridden.
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ from estimator.model import Model
 from estimator.payload import Payload
 from programs.recordings.settings import PAYLOAD, Change, as_option, parsed_value
 
-_UNKNOWN = object()  # of an estimator without a payload yet
+_UNKNOWN = object()  # payload of an estimator before the first State
 
 
 class Carried:
-    """Payload that an estimator is given, State by State. Raises ConfigurationError for a payload
-    that cannot be."""
+    """Payload to be set in an estimator, State by State. Raises ConfigurationError for an invalid
+    payload."""
 
     def __init__(self, changes: Sequence[Change], c: Configuration, model: Model) -> None:
         self._place = model.tool_place.tolist()
@@ -39,7 +39,7 @@ class Carried:
         self._before: object = _UNKNOWN
 
     def apply(self, estimator: Estimator, state: State) -> None:
-        """Set the payload from this State on, and whether to learn."""
+        """Set the payload from this State on, and suspend or resume learning."""
         payload = self._asked if self._overridden else self._recorded(state.payload)
         if payload != self._before:
             estimator.carry(payload)
@@ -68,6 +68,6 @@ class Carried:
             return Payload.of(entry.mass, entry.com or self._place)
         except (msgspec.ValidationError, ModelError) as error:
             raise ConfigurationError(
-                f"{as_option(PAYLOAD, value)}: {error}; it is {NO_PAYLOAD}, a mass [kg], a name of "
-                "the configuration, or {mass: 0.4, com: [0, 0, 0.05]}"
+                f"{as_option(PAYLOAD, value)}: {error}; must be {NO_PAYLOAD}, a mass [kg], a name "
+                "of the configuration, or {mass: 0.4, com: [0, 0, 0.05]}"
             ) from error

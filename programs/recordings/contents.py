@@ -1,7 +1,7 @@
-"""Contents of a recording: its duration, modes, contacts, faults and lost States. Pure.
+"""Contents of a recording: duration, modes, contacts, faults and lost States. Pure functions.
 
-A contact lasts from its notice until the thresholded residual of its joint is zero again, or States
-are lost; a collision that follows before that belongs to it.
+A contact lasts from its notice until the thresholded residual of its joint returns to zero, or
+States are lost; a collision within that time belongs to it.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import msgspec
 from daemon.protocol.state import Notice, Snapshot, State
 from daemon.protocol.text import printable
 
-EVENTS_KEPT: Final = 2000  # of a kind; of more only the number is known
+EVENTS_KEPT: Final = 2000  # of each kind; further events are only counted
 
 
 class ContactSeen(msgspec.Struct, kw_only=True):
@@ -22,19 +22,19 @@ class ContactSeen(msgspec.Struct, kw_only=True):
     joint: str
     time_s: float
     tick: int
-    level: Literal["contact", "collision"]  # the higher of those it passed
-    peak: float  # residual that was largest, signed [Nm]
+    level: Literal["contact", "collision"]  # the highest that it exceeded
+    peak: float  # signed residual of the largest magnitude [Nm]
     threshold: float  # in force when it began [Nm]
-    duration_s: float | None = None  # None: it lasts to the end
+    duration_s: float | None = None  # None: it lasts to the end of the recording
 
     @property
     def clear(self) -> float:
-        """Peak over the threshold."""
+        """Ratio of peak to threshold."""
         return abs(self.peak) / max(abs(self.threshold), 1e-9)
 
 
 class EventSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """A notice of the daemon; time from the first State [s]."""
+    """Notice of the daemon; time from the first State [s]."""
 
     time_s: float
     tick: int
@@ -59,30 +59,30 @@ class Contents:
     armed_s: float = 0.0
     contacts: list[ContactSeen] = field(default_factory=list)
     faults: list[EventSeen] = field(default_factory=list)
-    events: list[EventSeen] = field(default_factory=list)  # all, faults and contacts among them
-    left_out: int = 0  # events beyond those kept
+    events: list[EventSeen] = field(default_factory=list)  # all, including faults and contacts
+    left_out: int = 0  # number of events that are only counted
     _tick: int | None = None
     _open: dict[str, ContactSeen] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:
-        """From the first State to the last [s]."""
+        """Time from the first State to the last [s]."""
         return 0.0 if self.begun_s is None else self.ended_s - self.begun_s
 
     def add_snapshot(self, snapshot: Snapshot) -> None:
-        """Take the context of the States that follow."""
+        """Add the context of the States that follow."""
         self.joints, self.program = tuple(snapshot.joints), printable(snapshot.program)
         self.format, self.period_s = snapshot.format, snapshot.period_s
 
     def take(self, batch: Snapshot | list[State]) -> None:
-        """Take what a recording holds next."""
+        """Add the next batch of a recording."""
         if isinstance(batch, Snapshot):
             self.add_snapshot(batch)
         else:
             self.add(batch)
 
     def add(self, states: Sequence[State]) -> None:
-        """Take consecutive States, or those after a gap."""
+        """Add the next States; ticks between batches may be missing."""
         for state in states:
             self._count(state)
             if state.notices:
@@ -103,7 +103,7 @@ class Contents:
         self.armed_s += state.interval_s * state.armed
 
     def _leave_open(self) -> None:
-        """End open contacts at the last State before a gap: how long they went on is not known."""
+        """End open contacts at the last State before a gap: their further duration is unknown."""
         for contact in self._open.values():
             contact.duration_s = self.duration_s - contact.time_s
         self._open.clear()
@@ -138,7 +138,7 @@ class Contents:
             self.contacts.append(seen)
 
     def _follow(self, state: State) -> None:
-        """Peak and end of the contacts that last."""
+        """Update peak and end of open contacts."""
         assert self.begun_s is not None
         for joint, contact in list(self._open.items()):
             i = self.joints.index(joint) if joint in self.joints else None

@@ -1,5 +1,5 @@
-"""Detection curves over all recordings: at each level false contacts an hour, touches found, and
-how late. Pure."""
+"""Detection curves over all recordings: for each level, false contacts per hour, detected touches,
+and detection delays. Pure functions."""
 
 import math
 from collections.abc import Sequence
@@ -17,29 +17,29 @@ from programs.recordings.question import Answer, Curve
 class Point:
     """One level of a curve."""
 
-    level: float  # [Nm]; of the arm the number of the step
+    level: float  # [Nm]; for the arm, the number of the step
     contacts: int
-    alarms_per_hour: float  # false ones; of all where nothing is labelled
-    beyond: float  # share of the time in which a contact lasts
-    found: int  # of the labels
-    delay_p50_s: float  # NaN where none was found
+    alarms_per_hour: float  # false contacts; without labels, all contacts
+    beyond: float  # fraction of the time in which a contact lasts
+    found: int  # labels with a contact
+    delay_p50_s: float  # NaN if none was found
     delay_p95_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The curve of one joint, or of the arm, with the point to choose."""
+    """Curve of one joint, or of the arm, with the recommended point."""
 
     name: str
     labels: int
     points: tuple[Point, ...]
     chosen: int | None
-    """the lowest level with bearable alarms, none where no level has"""
+    """Index of the lowest level with acceptable alarms; None if there is none."""
 
 
 @dataclass(slots=True)
 class Total:
-    """All answers together."""
+    """Aggregate of all answers."""
 
     files: int = 0
     failed: list[Answer] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Total:
     outside_s: float = 0.0
 
     def add(self, answer: Answer) -> None:
-        """Take one answer."""
+        """Add one answer."""
         self.files += 1
         if answer.failed:
             self.failed.append(answer)
@@ -62,11 +62,11 @@ class Total:
 
     @property
     def complete(self) -> bool:
-        """Every recording was whole and gave an answer."""
+        """True if every recording was complete and gave an answer."""
         return not (self.failed or self.broken)
 
     def detections(self, bearable_per_hour: float) -> list[Detection]:
-        """Curves of every joint that was asked about, and of the arm."""
+        """Curves of all joints in question, and of the arm."""
         names = list(dict.fromkeys(name for answer in self.answers for name in answer.curves))
         return [self._detection(name, bearable_per_hour) for name in names]
 

@@ -1,4 +1,4 @@
-"""Recordings in other forms: Foxglove's schemas, CSV."""
+"""Conversion of recordings to Foxglove's schemas and CSV."""
 
 import csv
 import io
@@ -12,9 +12,9 @@ from common.new_file import whole_file
 from daemon.protocol.state import Snapshot, State
 from programs.clients.log_reader import read_batches
 
-DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
-_LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
-#: Columns of the CSV: the first of each joint are those that `contactd identify --log` reads.
+DRAW_EVERY: Final = 3  # ticks between drawings of the arm: 33 per second at 100 Hz
+_LAST_NS: Final = (2**32 - 1) * 10**9  # largest Timestamp of Foxglove
+#: Columns of the CSV, beginning with those that `contactd identify --log` reads.
 CSV_COLUMNS: Final = (
     "current",
     "link_position",
@@ -30,8 +30,8 @@ CSV_COLUMNS: Final = (
 def export_foxglove(
     path: Path, target: Path, progress: Callable[[float], None] = lambda share: None
 ) -> str:
-    """Write a recording as an MCAP file of Foxglove's schemas; returns why it ends early, empty if
-    it does not. Raises LogError, also without the library."""
+    """Write a recording as an MCAP file of Foxglove's schemas; returns why the recording ends
+    early, or empty. Raises LogError, also without the library."""
     try:
         from foxglove import Context, open_mcap  # noqa: PLC0415 - an extra
 
@@ -72,7 +72,7 @@ def export_foxglove(
 def export_csv(
     path: Path, target: Path, progress: Callable[[float], None] = lambda share: None
 ) -> str:
-    """Write a recording as a CSV file, a row per tick, as `export_foxglove`."""
+    """Write a recording as a CSV file with a row per tick; returns as `export_foxglove`."""
     with whole_file(target) as partial, partial.open("wb") as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
         rows = csv.writer(text, lineterminator="\n")
@@ -102,8 +102,8 @@ def export_csv(
 
 
 class Clock:
-    """Unix time of States: the wall clock's at the first, from there on the loop's, which never
-    jumps."""
+    """Unix time of States: wall-clock time at the first State, continued by the loop time, which
+    never jumps."""
 
     def __init__(self) -> None:
         self._begun: tuple[float, float] | None = None
@@ -115,8 +115,8 @@ class Clock:
 
 
 class _Sink:
-    """File as the library's writer takes it. The first failure is kept, and what follows only
-    counts: the library would go on, and print a line for every message."""
+    """File object for the library's writer. It keeps the first error and ignores later writes, as
+    the library would continue and print a line for every message."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
@@ -124,24 +124,24 @@ class _Sink:
         self._error: OSError | None = None
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write it, unless something failed before."""
+        """Write data, unless an operation failed before."""
         self._try(lambda: self._stream.write(data))
         self._at += len(data)
         self._end = max(self._end, self._at)
         return len(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a place of the file; returns it."""
+        """Set the file position, and return it."""
         self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
         self._try(lambda: self._stream.seek(self._at))
         return self._at
 
     def flush(self) -> None:
-        """Flush it, unless something failed before."""
+        """Flush the file, unless an operation failed before."""
         self._try(self._stream.flush)
 
     def check(self) -> None:
-        """Raise the error of what failed, if anything did."""
+        """Raise the first error, if any."""
         if self._error is not None:
             raise self._error
 

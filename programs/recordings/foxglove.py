@@ -1,14 +1,14 @@
-"""States as messages of Foxglove's schemas (extra `foxglove`): for a file, or for a live door.
+"""States as messages of Foxglove's schemas (extra `foxglove`), for a file or a live connection.
 
     /tf              foxglove.FrameTransforms   every link, from the joints' positions
-    /scene           foxglove.SceneUpdate       a capsule per link; the touched one is lit
-    /touch           foxglove.SceneUpdate       the point of contact, a ball as large as its doubt
+    /scene           foxglove.SceneUpdate       capsules of the links; the touched one highlighted
+    /touch           foxglove.SceneUpdate       the point of contact, a ball of its uncertainty
     /joint_states    foxglove.JointStates       position, velocity, external torque
     /joints/NAME     JSON, one field per value  for plots, in Foxglove and PlotJuggler
     /arm             JSON                       mode, armed, cause, touched link, loop
     /log             foxglove.Log               notices
 
-The same code serves both, as the library's channels do.
+The library's channels serve both uses.
 """
 
 from typing import Any, Final
@@ -53,7 +53,7 @@ _LEVELS: Final = {"mode": LogLevel.Info, "contact": LogLevel.Warning, "fault": L
 
 
 class JointValues(msgspec.Struct):
-    """Measured and estimated values of one joint; SI at the link."""
+    """Measured and estimated values of one joint, in SI at the link side."""
 
     residual: float
     threshold: float
@@ -72,14 +72,14 @@ class JointValues(msgspec.Struct):
     beside: dict[str, float]
 
 
-#: Its numbers have the names of a State's vectors.
+#: Numeric fields, named like the vectors of a State.
 _VECTORS: Final = [
     field.name for field in msgspec.structs.fields(JointValues) if field.type is float
 ]
 
 
 class ArmValues(msgspec.Struct):
-    """Values of the arm as a whole."""
+    """Values of the whole arm."""
 
     tick: int
     mode: str
@@ -93,7 +93,7 @@ class ArmValues(msgspec.Struct):
 
 
 def _schema(kind: type[msgspec.Struct], beside: list[str]) -> Schema:
-    """JSON schema of one of the above, each residual beside with a field of its own."""
+    """JSON schema of one of the types above, with a field for each residual in `beside`."""
     (_,), parts = msgspec.json.schema_components([kind])
     schema: dict[str, Any] = {"type": "object", **parts[kind.__name__]}
     if "beside" in schema["properties"]:
@@ -110,7 +110,7 @@ class FoxgloveChannels:
     def __init__(
         self, context: Context, snapshot: Snapshot, beside: list[str], draw_every: int = 1
     ) -> None:
-        """draw_every: values of so many ticks go out for one picture of the arm."""
+        """Create the channels; draw_every: ticks per drawing of the arm."""
         self._joints = tuple(snapshot.joints)
         self._skeleton = skeleton_of(snapshot.urdf)
         self._column = {name: i for i, name in enumerate(self._joints)}
@@ -132,7 +132,7 @@ class FoxgloveChannels:
         self._count, self._draw_every = 0, draw_every
 
     def log(self, state: State, time_ns: int) -> None:
-        """One tick at a Unix time [ns]."""
+        """Log one tick at a Unix time [ns]."""
         touch = self._finder.see(state)
         touch = touch if touch is not None and touch.placed else None
         if touch is not self._touch:
@@ -151,7 +151,7 @@ class FoxgloveChannels:
 
     @property
     def watched(self) -> bool:
-        """A viewer asked for any of it."""
+        """True if a viewer subscribed to any channel."""
         typed: tuple[Any, ...] = (
             self._transforms, self._scene, self._touches, self._states, self._log
         )  # fmt: skip
@@ -160,7 +160,7 @@ class FoxgloveChannels:
         )
 
     def show_again(self) -> None:
-        """Send the scene again with the next tick, for viewers that came since."""
+        """Send the scene again with the next tick, for new viewers."""
         self._lit, self._count = None, 0
 
     def _plot(self, state: State, time_ns: int) -> None:
@@ -207,7 +207,7 @@ class FoxgloveChannels:
 
 
 def scene(skeleton: Skeleton, lit: str, stamp: Timestamp) -> SceneUpdate:
-    """Every link as capsules, one of them lit."""
+    """Scene with all links as capsules, those of link `lit` highlighted."""
     entities: dict[str, list[Capsule]] = {}
     for capsule in skeleton.capsules:
         entities.setdefault(capsule.link, []).append(capsule)
@@ -231,7 +231,7 @@ def scene(skeleton: Skeleton, lit: str, stamp: Timestamp) -> SceneUpdate:
 
 
 def point_of_contact(touch: TouchPoint | None, stamp: Timestamp) -> SceneUpdate:
-    """A ball as large as the doubt of a point of contact, or the end of the one before."""
+    """Scene with a ball as large as a contact point's uncertainty, or the last one's deletion."""
     if touch is None:
         gone = SceneEntityDeletion(
             timestamp=stamp, type=SceneEntityDeletionType.MatchingId, id=POINT

@@ -1,7 +1,7 @@
-"""Page of a recording: one HTML file that holds the curves, uPlot and all else it needs.
+"""Page of a recording: one self-contained HTML file with the curves, uPlot, script and style.
 
-Values are sent as 16 bits between the least and the largest of their signal, which is more than a
-screen shows: a page of an hour stays below 5 MB.
+Signals are stored as 16-bit codes between their least and largest value, which exceeds a screen's
+resolution: the page of an hour stays below 5 MB.
 """
 
 import base64
@@ -22,16 +22,16 @@ from programs.recordings.view import View
 _HERE: Final = Path(__file__).parent
 _MISSING: Final = -32768
 _LARGEST: Final = 32767
-_SHOWN_AT_FIRST: Final = 3  # joints; more are a click away
+_SHOWN_AT_FIRST: Final = 3  # joints whose panels are open at first
 
 
 def page_of(view: View) -> str:
-    """The page as text."""
+    """Page as HTML text."""
     return filled("page", view.name, about(view), _data(view))
 
 
 def filled(page: str, title: str, about: str, data: Any) -> str:
-    """One of the pages in `page/`, with its script, style, data and uPlot."""
+    """Template in `page/` filled with its script, style, data and uPlot."""
     parts = {
         "title": html.escape(printable(title)),
         "about": html.escape(about),
@@ -45,7 +45,7 @@ def filled(page: str, title: str, about: str, data: Any) -> str:
 
 
 def about(view: View) -> str:
-    """The recording in a line."""
+    """Summary of the recording in one line."""
     found = view.contents
     lost = f", {found.lost} states lost" if found.lost else ""
     broken = "; the file breaks off" if view.broken else ""
@@ -93,7 +93,7 @@ def events_in(view: View) -> list[EventSeen]:
 
 
 def first_shown(view: View) -> tuple[int, ...]:
-    """Joints whose panels are open: those of the contacts that are shown, else the first few."""
+    """Joints whose panels are open at first: those with contacts in the window, else the first."""
     if len(view.joints) <= _SHOWN_AT_FIRST:
         return view.joints
     found: Contents = view.contents
@@ -107,7 +107,7 @@ def first_shown(view: View) -> tuple[int, ...]:
 
 
 def _coded(values: NDArray[np.float32]) -> dict[str, Any]:
-    """A signal as 16-bit codes: value = offset + scale * code."""
+    """Signal as 16-bit codes: value = offset + scale * code."""
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (0, 0)
     offset, scale = 0.5 * (low + high), (high - low) / (2 * _LARGEST) or 1.0

@@ -1,10 +1,10 @@
-"""Labels: times and joints of touches of a recorded arm, as a CSV file.
+"""Labels: times and joints of touches in recordings, as a CSV file.
 
     file,start_s,end_s,joint
     touch.mcap,8.30,11.20,any
 
-`start_s` and `end_s` count from the recording's first State; `joint` is a name, or `any`. Where
-there is one recording, `file` may be left out.
+`start_s` and `end_s` count from the recording's first State; `joint` is a name, or `any`. For a
+single recording, `file` may be left out.
 """
 
 import csv
@@ -24,12 +24,12 @@ from programs.recordings.contents import Contents
 ANY: Final = "any"
 _NEEDED: Final = ("start_s", "end_s", "joint")
 PROPOSED_BEFORE_S: Final = 0.2
-"""A contact begins about so long after the touch, as a first guess."""
-_APART_S: Final = 0.5  # contacts that are closer are one touch
+"""Time by which a touch is assumed to precede its contact, for proposed labels."""
+_APART_S: Final = 0.5  # contacts closer than this are one touch
 
 
 class Label(msgspec.Struct, frozen=True):
-    """One touch [s]."""
+    """One labelled touch."""
 
     start_s: float
     end_s: float
@@ -37,11 +37,11 @@ class Label(msgspec.Struct, frozen=True):
 
 
 Labels = dict[str, list[Label]]
-"""By the recording's name, as in the file; "" where it has no such column."""
+"""Labels by the recording's name in the CSV file; "" without a `file` column."""
 
 
 def read_labels(path: Path) -> Labels:
-    """Labels of a CSV file. Raises LogError, which names line and field."""
+    """Labels of a CSV file. Raises LogError that names line and field."""
     found: Labels = {}
     try:
         with open_text(path, newline="") as stream:
@@ -58,7 +58,7 @@ def read_labels(path: Path) -> Labels:
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
     if not found:
-        raise LogError(f"{path}: there are no labels in it")
+        raise LogError(f"{path}: it contains no labels")
     return found
 
 
@@ -83,15 +83,15 @@ def _label(where: str, row: dict[str, str | None]) -> Label:
 
 
 def labels_of(labels: Labels, path: Path, *, alone: bool) -> list[Label]:
-    """Labels of a recording: by its path as given, or its name; those without a file where it is
-    `alone`."""
+    """Labels of a recording, found by its path as given or its name; if it is `alone`, also labels
+    without a file."""
     found = labels.get(str(path)) or labels.get(path.name) or []
     return [*found, *(labels.get("", []) if alone else [])]
 
 
 def proposed(contents: Contents, name: str) -> list[tuple[str, float, float, str]]:
-    """Rows of a template: the contacts of a recording, those that overlap as one, of the joint
-    that showed most over its threshold."""
+    """Rows of a template: the contacts of a recording, overlapping ones merged, with the joint of
+    the highest ratio of peak to threshold."""
     touches: list[tuple[float, float, float, str]] = []
     for one in sorted(contents.contacts, key=lambda contact: contact.time_s):
         begin = max(one.time_s - PROPOSED_BEFORE_S, 0.0)
@@ -107,7 +107,7 @@ def proposed(contents: Contents, name: str) -> list[tuple[str, float, float, str
 
 
 def template(rows: Sequence[tuple[str, float, float, str]]) -> str:
-    """The CSV file of these rows."""
+    """Text of a CSV file with these rows."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("file", *_NEEDED))

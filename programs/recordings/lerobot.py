@@ -1,5 +1,5 @@
-"""Recordings as a dataset of LeRobot, written by the plug-in `lerobot_robot_contactd` in LeRobot's
-own environment: nothing of it is needed here."""
+"""Export of recordings to a LeRobot dataset, written by the plug-in `lerobot_robot_contactd` in
+LeRobot's own environment, so that LeRobot is not needed here."""
 
 import glob
 import math
@@ -20,12 +20,12 @@ from programs.clients.log_reader import read_batches
 
 WRITER: Final = "contactd-lerobot-dataset"
 BUILT: Final = Path("build/lerobot/bin")
-"""folder of the environment that `make lerobot` builds"""
+"""Folder of programs in the environment that `make lerobot` builds."""
 MODES: Final = [str(mode) for mode in Mode]
 
 
 def writer() -> Path:
-    """Program that writes the dataset. Raises LogError where LeRobot's environment is not built."""
+    """Path of the program that writes the dataset. Raises LogError if it is not installed."""
     chosen = os.environ.get("CONTACTD_LEROBOT")
     folders = [Path(chosen) / "bin"] if chosen else [BUILT]
     for folder in folders:
@@ -34,7 +34,7 @@ def writer() -> Path:
     if not chosen and (found := shutil.which(WRITER)):
         return Path(found)
     raise LogError(
-        f"--lerobot needs LeRobot's environment, with {WRITER}: `make lerobot` builds it, or set "
+        f"--lerobot needs LeRobot's environment, with {WRITER}: build it by `make lerobot`, or set "
         "CONTACTD_LEROBOT to yours (docs/lerobot.md)"
     )
 
@@ -46,15 +46,15 @@ def export_lerobot(
     task: str,
     progress: Callable[[float], None] = lambda share: None,
 ) -> str:
-    """Write recordings as the episodes of a new dataset in the folder `target`, with the videos
-    beside them; returns why one ends early, empty if none does. Raises LogError, also where their
-    joints or cameras differ."""
+    """Write recordings, with the videos beside them, as episodes of a new dataset in the folder
+    `target`; returns why recordings end early, or empty. Raises LogError, also if their joints or
+    cameras differ."""
     program, cameras = writer(), cameras_of(files)
     broken: list[str] = []
     running = subprocess.Popen([program, target], stdin=subprocess.PIPE)
     assert running.stdin is not None
     try:
-        with suppress(BrokenPipeError), running.stdin:  # it has printed why it ended
+        with suppress(BrokenPipeError), running.stdin:  # the writer itself prints why it ended
             frames = Frames(running.stdin, fps, task, cameras)
             for number, file in enumerate(files):
                 frames.begin(file, number)
@@ -70,8 +70,8 @@ def export_lerobot(
 
 
 def cameras_of(files: Sequence[Path]) -> dict[str, list[str]]:
-    """Videos beside recordings, `RECORDING.CAMERA.mp4`, by camera, one for each recording. Raises
-    LogError where one lacks a camera that another has."""
+    """Videos beside recordings, `RECORDING.CAMERA.mp4`, by camera, one per recording. Raises
+    LogError if a recording lacks a camera that another has."""
     found = []
     for file in files:
         beside = file.parent.glob(f"{glob.escape(file.stem)}.*.mp4")
@@ -86,7 +86,7 @@ def cameras_of(files: Sequence[Path]) -> dict[str, list[str]]:
 
 
 class Frames:
-    """Frames of recordings as lines of JSON, at a steady rate; the latest State of each moment."""
+    """Writer of frames as lines of JSON at a constant rate, each from the first State due."""
 
     def __init__(
         self, out: IO[bytes], fps: int, task: str, cameras: Mapping[str, Sequence[str]]
@@ -97,11 +97,11 @@ class Frames:
         self._begun_s = 0.0
 
     def begin(self, file: Path, episode: int) -> None:
-        """Begin the episode of a file."""
+        """Start the episode of a file."""
         self._file, self._episode, self._due_s = file, episode, math.nan
 
     def take(self, batch: Snapshot | list[State]) -> None:
-        """Take what was read."""
+        """Write the frames of a batch of the recording."""
         if isinstance(batch, Snapshot):
             self._head(batch)
             return
@@ -116,7 +116,7 @@ class Frames:
         if self._joints and snapshot.joints != self._joints:
             raise LogError(
                 f"{self._file}: its joints are {', '.join(snapshot.joints)}; those of the first "
-                f"recording are {', '.join(self._joints)}: a dataset is of one arm"
+                f"recording are {', '.join(self._joints)}: a dataset must be of one arm"
             )
         if not self._joints:
             self._joints = snapshot.joints
@@ -128,8 +128,8 @@ class Frames:
 
 
 def frame(state: State, episode: int, time_s: float) -> dict[str, object]:
-    """Frame of a State, `time_s` after its episode began: the observation that `lerobot-record`
-    makes of it, and the reference that the arm followed as the action."""
+    """Frame of a State, `time_s` after the start of its episode: the observation as
+    `lerobot-record` makes it, and as action the reference that the arm followed."""
     contact = float(any(state.thresholded))
     observation = [
         *state.link_position, *state.link_velocity, *state.residual, *state.threshold,

@@ -1,8 +1,8 @@
-"""One question to many recordings: here, in worker processes, or on a dask cluster.
+"""Evaluation of one question for many recordings: locally, in worker processes, or on dask.
 
-joblib runs the same function in all three places. Each answer is kept in the user's cache as soon
-as it is there, by the recording's content, the question and the estimator's code: what was
-interrupted goes on from there.
+The same function runs in all three cases, by joblib. Each answer is cached at once, with a key of
+the recording's content, the question and the estimator's code, so that an interrupted run can be
+continued.
 """
 
 import contextlib
@@ -25,25 +25,25 @@ from programs.recordings.row_cache import cache_directory, content_digest
 from programs.recordings.whatif import ask
 
 _ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
-_KEPT = 5  # layout of the answers in the cache
+_KEPT = 5  # version of the cached answers
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """A recording with its labels."""
+    """Recording with its labels."""
 
     file: str
     labels: tuple[Label, ...] = ()
 
 
 def recordings_in(places: Sequence[Path], suffix: str = ".mcap") -> list[Path]:
-    """Recordings that are named, and all of a `suffix` below folders that are. Raises LogError
-    where there are none."""
+    """Given recordings, and all files of a `suffix` below given folders. Raises LogError for a
+    folder without any."""
     found: list[Path] = []
     for place in places:
         if place.is_dir():
             inside = sorted(path for path in place.rglob(f"*{suffix}") if path.is_file())
             if not inside:
-                raise LogError(f"{place}: there is no recording ({suffix}) in it")
+                raise LogError(f"{place}: it contains no recording ({suffix})")
             found += inside
         else:
             found.append(place)
@@ -57,11 +57,11 @@ def answers(
     scheduler: str = "",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[Answer]:
-    """Answers in the order in which they come; `progress` gets how much of a recording was read
-    where it is read here.
+    """Answers in order of completion; `progress` is called, for local evaluation, with the share of
+    a recording that was read.
 
-    `scheduler` is a dask scheduler's address, whose workers see the same files. Raises LogError
-    where joblib or dask is missing or cannot be reached.
+    `scheduler`: address of a dask scheduler whose workers can access the same files. Raises
+    LogError if joblib or dask is not installed or cannot be reached.
     """
     if not scheduler and (workers <= 1 or len(asked) <= 1):
         yield from (kept_answer(question, one, progress=progress) for one in asked)
@@ -107,7 +107,7 @@ def kept_answer(
     cache: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Answer:
-    """Answer of one recording, from the cache if it was given before."""
+    """Answer of one recording, from the cache if it is there."""
     try:
         file = _recording(Path(asked.file))
         digest = content_digest(file)
@@ -132,7 +132,7 @@ def kept_answer(
 
 
 def _recording(file: Path) -> Path:
-    """The recording itself, or that which a log of the black box gives."""
+    """Path of a recording; a black-box log is converted to one."""
     if file.suffix.lower() == ".mcap":
         return file
     from programs.recordings.recomputed import as_recording  # noqa: PLC0415 - slow
@@ -141,7 +141,7 @@ def _recording(file: Path) -> Path:
 
 
 def _keep(path: Path, answer: Answer) -> None:
-    """Write an answer; without a place for it, it is asked again next time."""
+    """Cache an answer; if that fails, it is computed again next time."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         file, name = tempfile.mkstemp(dir=path.parent, prefix=".partial-")

@@ -1,8 +1,8 @@
-"""A log that is no recording, as the recording that a daemon would have made of its samples. Pure.
+"""Conversion of another program's log to the States that a daemon would have recorded.
 
-The estimator begins anew, as after switching on: what a daemon had learned by then is in no log.
-The arm counts as holding all the time; what it was asked for is not known. After a pause the
-residual begins at zero. Samples at another period than the configuration's are put on its raster.
+The estimator starts afresh, as after switching on, as a log does not contain what was learned. The
+arm counts as holding throughout, as its commands are unknown. After a pause the residual starts at
+zero. Samples at another period than the configured one are resampled. Pure functions.
 """
 
 from typing import Final
@@ -26,29 +26,29 @@ from identification.motion_log import PAUSE_S, MotionLog
 from programs.recordings.raster import on_raster
 
 CAUSE: Final = "a log of another program"
-_ANOTHER = 0.1  # of the period: more is another one
-_SLOWEST = 10  # periods between two samples: beyond, what lies between is made up
-_CLOCK_S = 1e8  # beyond, times are those of a day
+_ANOTHER = 0.1  # relative deviation of the period above which the log is resampled
+_SLOWEST = 10  # longest sampling period, in periods: above, samples would be mostly interpolated
+_CLOCK_S = 1e8  # larger times are Unix times
 _DRIVE = DriveStatus(DriveCondition.OPERATING, "not in the log", "", True, True)
 
 
 def over_log(
     log: MotionLog, robot: Robot, notes: tuple[str, ...] = (), payload: Payload | None = None
 ) -> tuple[Snapshot, list[State]]:
-    """Snapshot and States of a log by the robot's estimator; notes are news of the first State;
-    another payload than the one announced is recognised as at work.
-    Raises LogError where the log lacks the motor positions that it takes."""
+    """Snapshot and States of a log by the robot's estimator. Notes become notices of the first
+    State; a load other than `payload` is recognised as in the daemon. Raises LogError if the log
+    lacks motor positions that the estimator needs."""
     c = robot.configuration
     if c.estimator.motor_position == "measured" and log.motor_position is None:
-        raise LogError("the log has no motor_position of every joint, which the configuration's "
-                       "estimator takes (`estimator.motor_position`)")  # fmt: skip
+        raise LogError("the log lacks motor_position of some joints, which the configured "
+                       "estimator needs (`estimator.motor_position`)")  # fmt: skip
     if log.period_s > _SLOWEST * c.period_s:
         raise LogError(f"samples every {log.period_s:.3g} s, the configuration's period is "
                        f"{c.period_s:g} s: at most {_SLOWEST} times as much is allowed; is "
                        "the unit of `time` right?")  # fmt: skip
     if abs(log.period_s / c.period_s - 1.0) > _ANOTHER:
-        notes += (f"samples every {1e3 * log.period_s:.3g} ms: taken every "
-                  f"{1e3 * c.period_s:.3g} ms, the configuration's period",)  # fmt: skip
+        notes += (f"samples every {1e3 * log.period_s:.3g} ms: resampled to "
+                  f"{1e3 * c.period_s:.3g} ms, the configured period",)  # fmt: skip
         log = on_raster(log, log.stretches(PAUSE_S), c.period_s)
     estimator = build_estimator(c, robot.model)
     begun_s = float(log.time_s[0])

@@ -1,4 +1,4 @@
-"""Picture of a recording by matplotlib (extra `plot`): PNG or SVG, a column of panels per joint."""
+"""Plot of a recording by matplotlib (extra `plot`): PNG or SVG, a column of panels per joint."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +9,7 @@ from programs.recordings.html import about, events_in, first_shown
 from programs.recordings.pictures import without_matplotlib
 from programs.recordings.view import View
 
-# The same colours as in the page: they differ for people who do not see red or green, too.
+# Colours of the page, which colour-blind people can distinguish, too.
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a8f94"
 MODE_COLOURS: Final = {
     "off": GREY,
@@ -27,7 +27,7 @@ _HEIGHTS: Final = (2.2, 1.2, 1.2, 1.4)
 
 
 def draw(view: View, path: Path, *, every_joint: bool) -> None:
-    """Write the picture; of many joints those of the contacts, unless `every_joint` is asked for.
+    """Write the plot; if there are many joints, only those with contacts unless `every_joint`.
     Raises LogError without matplotlib."""
     try:
         import matplotlib as mpl  # noqa: PLC0415 - an extra
@@ -51,7 +51,7 @@ def draw(view: View, path: Path, *, every_joint: bool) -> None:
 
 
 def _joint(view: View, joint: int, column: Any) -> None:
-    """Four panels of a joint."""
+    """Draw the four panels of a joint."""
     signals = view.signals
     rows = {name: values[:, joint] for name, values in signals.values.items()}
     residual, velocity, current, gap = column
@@ -86,14 +86,14 @@ def _joint(view: View, joint: int, column: Any) -> None:
 
 
 def _marks(view: View, joint: str, panel: Any) -> None:
-    """Modes as shading; contacts, faults and the time asked about as lines."""
+    """Draw modes as shading; contacts, faults and the time in question as lines."""
     for span in view.signals.modes:
         colour = MODE_COLOURS.get(span.mode, GREY)
         panel.axvspan(span.begin_s, span.end_s, color=colour, alpha=0.12, lw=0)
     named = set[str]()
 
     def named_once(name: str) -> str | None:
-        """A label for the first line of a kind, in the uppermost panel."""
+        """Label for the first line of a kind, in the top panel; None for further ones."""
         if name in named or not panel.get_subplotspec().is_first_row():
             return None
         named.add(name)
@@ -116,7 +116,7 @@ def _marks(view: View, joint: str, panel: Any) -> None:
 
 
 def _mode_names(view: View, panel: Any) -> None:
-    """Names of the modes that last long enough to hold their name."""
+    """Write the names of modes that last long enough for the text to fit."""
     least_s = 0.12 * (view.until_s - view.from_s)
     low = panel.get_ylim()[0]
     for span in view.signals.modes:

@@ -1,6 +1,6 @@
-"""Refusal of a picture where matplotlib is not installed, as in the service's own environment.
+"""Error for plots without matplotlib, which the service's own environment lacks.
 
-It is an extra, of a size that a robot's PC need not carry: pages (.html) are drawn without it.
+It is an extra, too large for a robot's computer; HTML pages do not need it.
 """
 
 import sys
@@ -11,13 +11,13 @@ from common.errors import LogError
 
 
 def without_matplotlib(path: Path, instead: str = "") -> LogError:
-    """Error of a picture that cannot be drawn to `path`: what to install, or where to draw it;
-    `instead` is what needs no matplotlib, if anything does."""
+    """Error for a plot that cannot be drawn to `path`, with what to install, or where to draw it;
+    `instead`: alternative without matplotlib, if any."""
     if find_spec("pip"):
         how = f"install it by `{sys.executable} -m pip install matplotlib`"
     else:
         how = (
-            f"{sys.prefix} is the service's and takes no more packages: draw it with the `.venv` "
-            "of a clone of contactd, which has it"
+            f"{sys.prefix} belongs to the service and takes no further packages: draw it with the "
+            "`.venv` of a clone of contactd, which has it"
         )
-    return LogError(f"{path}: a picture needs matplotlib; {instead}{how}")
+    return LogError(f"{path}: a plot needs matplotlib; {instead}{how}")

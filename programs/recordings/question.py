@@ -1,5 +1,5 @@
-"""Question to recordings, and the answer of one: plain data that can be sent to another process or
-machine, and kept."""
+"""Question to recordings, and the answer of one: plain data that can be cached, or sent to another
+process or machine."""
 
 from typing import Final
 
@@ -12,29 +12,29 @@ COLLISION: Final = ", collision"  # after a joint's name: the curve of its colli
 
 
 class Question(msgspec.Struct, frozen=True, kw_only=True):
-    """Question to every recording."""
+    """Question to all recordings."""
 
-    levels: dict[str, tuple[float, ...]] = {}  # of these joints, ascending [Nm]
-    collisions: dict[str, tuple[float, ...]] = {}  # the same of collision levels
+    levels: dict[str, tuple[float, ...]] = {}  # contact levels by joint, ascending [Nm]
+    collisions: dict[str, tuple[float, ...]] = {}  # collision levels by joint, ascending [Nm]
     residual: str = ""  # by name; empty: the one that decided
     changes: tuple[Change, ...] = ()
-    fresh: bool = False  # the estimator begins anew, as after switching on
-    until_reaction: bool = False  # what comes after it is left out
+    fresh: bool = False  # the estimator starts afresh, as after switching on
+    until_reaction: bool = False  # samples after the first reaction are left out
 
 
 class Curve(msgspec.Struct, kw_only=True):
     """Counts at each level of one joint, or of the arm."""
 
-    levels: list[float]  # [Nm]; of the arm the number of each step
+    levels: list[float]  # [Nm]; for the arm, the number of each step
     contacts: list[int]
-    false: list[int]  # those that begin outside of every label
-    beyond_s: list[float]  # time in which one lasts
+    false: list[int]  # contacts that begin outside of all labels
+    beyond_s: list[float]  # time in which a contact lasts
     labels: int = 0
     found: list[int] = []  # labels with a contact in them
-    delays_s: list[list[float]] = []  # of the found ones, for each level
+    delays_s: list[list[float]] = []  # detection delays of the labels found
 
     def __add__(self, other: "Curve") -> "Curve":
-        """Both recordings together. Raises ValueError for other levels."""
+        """Sum of the counts of two recordings. Raises ValueError for different levels."""
         if self.levels != other.levels:
             raise ValueError("curves over other levels")
 
@@ -63,19 +63,19 @@ class Found(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, kw_only=True):
-    """Answer of one recording, or the reason why there is none."""
+    """Answer of one recording, or the reason why there is none (`failed`)."""
 
     file: str
     failed: str = ""
-    broken: str = ""  # reason why the recording ends early, without its name: the rest counts
+    broken: str = ""  # why the recording ends early, without its name; the intact part counts
     duration_s: float = 0.0
-    watched_s: float = 0.0  # in which contacts are reported, and counted here
-    outside_s: float = 0.0  # of that, outside of every label
-    skipped_s: float = 0.0  # left out of a replay, after states that were lost
+    watched_s: float = 0.0  # time in which contacts are reported, and counted here
+    outside_s: float = 0.0  # part of it outside of all labels
+    skipped_s: float = 0.0  # left out of a replay, after lost states
     reaction_s: float | None = None
     shares_known: bool = True
     recorded: list[Found] = []  # contacts as recorded
-    contacts: list[Found] = []  # the same with other settings, or by another residual
-    recorded_N: float = 0.0  # largest force at the tool that was shown, as recorded
-    force_N: float = 0.0  # the same with other settings
+    contacts: list[Found] = []  # contacts with other settings, or by another residual
+    recorded_N: float = 0.0  # largest estimated force at the tool, as recorded
+    force_N: float = 0.0  # largest estimated force with other settings
     curves: dict[str, Curve] = {}

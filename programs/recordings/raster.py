@@ -1,4 +1,4 @@
-"""Logs of other programs at even times. Pure."""
+"""Resampling of logs of other programs to even times. Pure function."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +10,7 @@ from identification.motion_log import MotionLog
 
 
 def on_raster(log: MotionLog, stretches: Sequence[slice], period_s: float) -> MotionLog:
-    """The log interpolated every `period_s`, each of the stretches for itself."""
+    """Log interpolated every `period_s` within each of the stretches."""
     times = [np.arange(log.time_s[r.start], log.time_s[r.stop - 1], period_s) for r in stretches]
 
     def rastered(values: Matrix) -> Matrix:

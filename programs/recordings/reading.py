@@ -1,4 +1,4 @@
-"""Contents of a recording's file, as far as it is whole."""
+"""Reader of a recording's contents, up to where its file is intact."""
 
 from pathlib import Path
 
@@ -7,7 +7,6 @@ from programs.recordings.contents import Contents
 
 
 def read_contents(path: Path) -> tuple[Contents, str]:
-    """Contents, and the reason why the recording ends early, empty if it does not. Raises LogError
-    where there is no State to read."""
+    """Contents, and why the recording ends early, or empty. Raises LogError if it has no State."""
     contents = Contents()
     return contents, read_batches(path, contents.take)

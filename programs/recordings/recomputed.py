@@ -1,9 +1,9 @@
-"""Recording made of the black box's frames: samples of the drives, and recomputed estimates.
+"""Recording from the black box's frames: samples of the drives, and recomputed estimates.
 
-The frames go through the same decoder as in the daemon, and the estimator begins anew, as after
-switching on: what it had learned is not in the frames, so its levels are higher than those that
-were in force. Modes are not on the bus either: an arm whose drives are all enabled counts as
-holding. The faults are those that the daemon reported to the black box.
+The frames are decoded as in the daemon. The estimator starts afresh, as after switching on: frames
+do not contain what it had learned, so its levels are higher than those that were in force. Nor do
+they contain modes: an arm whose drives are all enabled counts as holding. Faults are those that the
+daemon reported to the black box.
 """
 
 import contextlib
@@ -38,18 +38,18 @@ from programs.recordings.row_cache import cache_directory, content_digest, forge
 
 SERVICE_STATE: Final = Path("/var/lib/contactd")
 CAUSE: Final = "recomputed from frames: neither modes nor what was learned are on the bus"
-#: The readers close no file that they cannot read.
+#: Readers and modes of opening; the file is opened here, as readers do not close it on an error.
 _READERS: Final[dict[str, tuple[Any, str]]] = {
     ".blf": (can.BLFReader, "rb"),
     ".log": (can.CanutilsLogReader, "r"),
     ".asc": (can.ASCReader, "r"),
 }
-_LAYOUT: Final = 2  # of the recordings in the cache
+_LAYOUT: Final = 2  # version of the recordings in the cache
 
 
 def last_fault() -> Path:
-    """The newest log of the black box that has a fault, else the newest at all, this user's or the
-    service's. Raises LogError."""
+    """Newest black-box log with a fault, else the newest log, of this user or the service. Raises
+    LogError."""
     places = [default_directory(), SERVICE_STATE]
     logs: list[Path] = []
     for place in places:
@@ -59,13 +59,13 @@ def last_fault() -> Path:
             continue
     if not logs:
         where = " or ".join(map(str, dict.fromkeys(places)))
-        raise LogError(f"there is no log of a black box in {where}")
+        raise LogError(f"there is no black-box log in {where}")
     logs.sort(key=lambda log: log.name, reverse=True)
     return next((log for log in logs if _faults_of(log)), logs[0])
 
 
 def _faults_of(log: Path) -> list[tuple[float, str]]:
-    """Faults that the context of a log names; none where there is no context that can be read."""
+    """Faults in the context of a log; none if there is no readable context."""
     try:
         return msgspec.json.decode(context_of_log(log).read_bytes(), type=Context).faults
     except (OSError, msgspec.DecodeError):
@@ -73,13 +73,13 @@ def _faults_of(log: Path) -> list[tuple[float, str]]:
 
 
 def as_recording(path: Path) -> Path:
-    """The recording that a log of the black box gives, kept in the user's cache; any other file is
-    taken for a recording. Raises LogError."""
+    """Recording of a black-box log, kept in the user's cache; any other file is returned as a
+    recording. Raises LogError."""
     if path.suffix.lower() not in FORMATS:
         return path
     context = context_of_log(path)
     if not context.exists():
-        raise LogError(f"{path}: {context.name} is not beside it, which describes its frames")
+        raise LogError(f"{path}: {context.name}, which describes its frames, is not beside it")
     of_what = f"{content_digest(path)[:12]}-{content_digest(context)[:12]}-{_LAYOUT}"
     return kept_recording(path, of_what, lambda: recomputed(path, context))
 
@@ -87,7 +87,7 @@ def as_recording(path: Path) -> Path:
 def kept_recording(
     log: Path, of_what: str, make: Callable[[], tuple[Snapshot, list[State]]]
 ) -> Path:
-    """Recording of a log in the user's cache, under `of_what` it is made. Raises LogError."""
+    """Recording of a log in the user's cache, made unless `of_what` is there. Raises LogError."""
     target = cache_directory() / "recomputed" / of_what / f"{log.stem}.mcap"
     if not target.exists():
         try:
@@ -99,7 +99,7 @@ def kept_recording(
             _write(partial, *found)
         forget_oldest(target.parent.parent, keep=target.parent)
     with contextlib.suppress(OSError):
-        os.utime(target.parent)  # used last
+        os.utime(target.parent)  # marks it as recently used
     return target
 
 
@@ -120,14 +120,14 @@ def recomputed(log: Path, context: Path) -> tuple[Snapshot, list[State]]:
     except (OSError, ValueError, struct.error, can.CanError) as error:
         raise LogError(f"{log} cannot be read: {error}") from error
     if not states:
-        raise LogError(f"{log}: there is no SYNC with the answers of all drives in it")
+        raise LogError(f"{log}: it contains no SYNC with the answers of all drives")
     return snapshot, states
 
 
 def _states(
     frames: Any, c: Configuration, urdf: str, faults: list[tuple[float, str]]
 ) -> Iterator[State]:
-    """A State for every tick, once every drive has answered."""
+    """States of all ticks from the first in which all drives have answered."""
     ticks = c.make.recorded(c.joint_drives, c.period_s)
     run = _Recomputing(c, build_estimator(c, model_of(c, urdf)), faults)
     begun_s: float | None = None
@@ -143,14 +143,14 @@ def _states(
             begun_s = float(frame.timestamp)
             ticks.begin(begun_s)
         ticks.take(can_id, data, sent=sent)
-    if begun_s is not None:  # what ended the daemon, or its bus, came after the last tick began
+    if begun_s is not None:  # the last tick, with the faults after it
         state = run.state(begun_s, ticks.finish(), ticks.velocity, math.inf)
         if state is not None:
             yield state
 
 
 class _Recomputing:
-    """States, one after another."""
+    """Computation of consecutive States."""
 
     def __init__(
         self, c: Configuration, estimator: Estimator, faults: list[tuple[float, str]]
@@ -165,8 +165,8 @@ class _Recomputing:
     def state(
         self, time_s: float, samples: Samples, setpoint: np.ndarray, until_s: float
     ) -> State | None:
-        """State of the SYNC at this time of day [s], with the faults until another; None before
-        every drive has answered."""
+        """State of the SYNC at Unix time time_s [s], with faults up to until_s; None before all
+        drives have answered."""
         if not np.isfinite(samples.current).all():
             return None
         if self._begun_s is None:
@@ -215,7 +215,7 @@ class _Recomputing:
 
 
 def _write(path: Path, snapshot: Snapshot, states: list[State]) -> None:
-    """A recording of these States."""
+    """Write a recording of these States."""
     with path.open("wb") as stream:
         log = LogWriter(stream, snapshot.program)
         log.write(Snapshot, msgspec.json.encode(snapshot), states[0].timing.wall_s)

@@ -1,7 +1,7 @@
 """Rows of a recording, recomputed from its samples with other settings.
 
-The estimator goes on from the recorded memory, with all that was learned until then, or begins
-anew, as after switching on. The motion stays the recorded one, with the reactions of then.
+The estimator continues from the recorded memory, which includes all that was learned, or starts
+afresh, as after switching on. The motion, with the arm's reactions, stays as recorded.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,13 +27,13 @@ from programs.recordings.settings import Change, changed_configuration
 
 @dataclass(slots=True)
 class ReplayedRows:
-    """Rows of a recording with changed settings. Raises ContactdError where they do not fit."""
+    """Rows of a recording with changed settings. Raises ContactdError if these do not fit."""
 
     path: Path
     changes: Sequence[Change]
     fresh: bool
     skipped: int = 0
-    """States left out, as the estimator does not know how they began"""
+    """Number of States left out, as the estimator's memory at their start is unknown."""
     _configuration: Configuration | None = None
     _estimator: Estimator | None = None
     _carried: Carried | None = None
@@ -58,9 +58,9 @@ class ReplayedRows:
     def parts(
         self, residual: str = "", progress: Callable[[float], None] = lambda share: None
     ) -> Iterator[Rows]:
-        """Rows of every batch, with the residual of that name, by default the one that decides.
-        What follows a gap is left out until the next snapshot. A recording that breaks off ends
-        there."""
+        """Rows of all batches, with the named residual, by default the one that decides. States
+        after a gap are left out until the next snapshot. A recording that breaks off ends
+        there. Raises LogError if there are no rows."""
         rows = 0
         try:
             for batch in batches(self.path, progress):
@@ -80,7 +80,7 @@ class ReplayedRows:
             if not rows:
                 raise
         if not rows:
-            raise LogError("has no state that follows on a snapshot; --fresh begins without")
+            raise LogError("has no state that follows a snapshot; --fresh begins without")
 
     def _settings(self) -> Configuration:
         if self._configuration is None:
@@ -105,7 +105,7 @@ class ReplayedRows:
     def _restore(self, estimator: Estimator, snapshot: Snapshot) -> None:
         if not snapshot.memory:
             raise LogError(
-                "is made of frames, without the estimator's memory; --fresh begins without"
+                "was made from frames, without the estimator's memory; --fresh begins without"
             )
         if not same_estimator(snapshot):
             raise LogError(
@@ -116,13 +116,13 @@ class ReplayedRows:
             estimator.restore(snapshot.memory)
         except (ModelError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise LogError(
-                f"has a memory of the estimator that does not fit these settings ({error}): "
+                f"has an estimator memory that does not fit these settings ({error}): "
                 "--fresh begins without"
             ) from error
 
     def _step(self, states: list[State], residual: str) -> Rows | None:
-        """Rows of States that are alike, without a gap; None where the estimator does not know how
-        it began."""
+        """Rows of States with equal settings, without a gap; None if the estimator's memory at
+        their start is unknown."""
         follows = states[0].tick == self._tick + 1
         if not follows and not self.fresh:
             self._estimator = None
@@ -151,7 +151,7 @@ class ReplayedRows:
 
 
 def _stretches(states: list[State]) -> Iterator[list[State]]:
-    """The States, divided where ticks are missing."""
+    """Runs of consecutive States, split where ticks are missing."""
     begin = 0
     for k in range(1, len(states) + 1):
         if k == len(states) or states[k].tick != states[k - 1].tick + 1:

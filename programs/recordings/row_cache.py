@@ -1,7 +1,7 @@
-"""Columns of recordings in the user's cache, by the recordings' content.
+"""Cache of recordings' columns, by the recordings' content, in the user's cache folder.
 
-A recording is read once, and the next question about it takes a fraction of a second. What is
-damaged there is made anew; where nothing can be kept, columns last as long as the question.
+A recording is read once, so that further questions take a fraction of a second. Damaged columns are
+made again; if the cache is not writable, columns are temporary.
 """
 
 import contextlib
@@ -33,14 +33,14 @@ from programs.recordings.rows import (
     chosen_residual,
 )
 
-PART: Final = 16384  # rows at once
-LAYOUT: Final = 4  # of the files
-PARTIAL_S: Final = 24 * 3600.0  # after which it is abandoned
-MOST_BYTES: Final = 2 << 30  # of one kind of what is kept
+PART: Final = 16384  # rows read at once
+LAYOUT: Final = 4  # version of the files
+PARTIAL_S: Final = 24 * 3600.0  # age at which a partial folder counts as abandoned
+MOST_BYTES: Final = 2 << 30  # size limit of one kind of cached data
 
 
 def cache_directory() -> Path:
-    """Contactd's folder in the user's cache."""
+    """Folder of contactd in the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "contactd"
 
@@ -58,8 +58,8 @@ def content_digest(path: Path) -> str:
 
 
 class CachedRows:
-    """The columns of one recording, read if they are not in the cache yet; to be closed. Raises
-    LogError for a recording that cannot be read."""
+    """Columns of one recording, read if they are not cached yet; must be closed. Raises LogError
+    for a recording that cannot be read."""
 
     def __init__(
         self,
@@ -80,19 +80,19 @@ class CachedRows:
             header = _kept(self._folder)
             forget_oldest(root, keep=self._folder)
         if header is None:
-            raise LogError(f"cannot keep what {path} holds in {self._folder}: another wrote there")
+            raise LogError(f"cannot keep {path} in {self._folder}: another process wrote there")
         self.header = header
         with contextlib.suppress(OSError):
-            os.utime(self._folder)  # used last
+            os.utime(self._folder)  # marks it as recently used
 
     def close(self) -> None:
-        """Forget columns that could not be kept."""
+        """Delete temporary columns."""
         if self._passing is not None:
             self._passing.cleanup()
 
     def parts(self, residual: str = "") -> Iterator[Rows]:
-        """All rows, with the residual of that name, by default the one that decided. Raises
-        LogError if it was not recorded."""
+        """All rows, with the named residual, by default the one that decided. Raises LogError if
+        that was not recorded."""
         h = self.header
         number = chosen_residual(residual, h.residual, h.beside)
         name = "residual" if number is None else beside_column(number)
@@ -123,21 +123,21 @@ class CachedRows:
 
 
 def _kept(folder: Path) -> RowsHeader | None:
-    """Header of columns that are whole; None where they are not."""
+    """Header of cached columns; None if they are missing or incomplete."""
     try:
         header = msgspec.json.decode((folder / "header.json").read_bytes(), type=RowsHeader)
         rows, values = header.rows, header.rows * len(header.joints)
         sizes = {"time_s": 8 * rows, "force_N": 8 * rows, "reports": values}
         besides = [beside_column(k) for k in range(len(header.beside))]
         sizes |= dict.fromkeys([*MATRICES, *besides], 8 * values)
-        whole = all((folder / name).stat().st_size == size for name, size in sizes.items())
+        complete = all((folder / name).stat().st_size == size for name, size in sizes.items())
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return None
-    return header if whole else None
+    return header if complete else None
 
 
 def _fill(path: Path, folder: Path, progress: Callable[[float], None]) -> bool:
-    """Write the columns of a recording; False where nothing can be written. Raises LogError."""
+    """Cache the columns of a recording; False if they cannot be written. Raises LogError."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder.parent))
@@ -145,7 +145,7 @@ def _fill(path: Path, folder: Path, progress: Callable[[float], None]) -> bool:
         return False
     try:
         _write_folder(path, partial, progress)
-        if _kept(folder) is None:  # no other process was faster
+        if _kept(folder) is None:  # unless another process was faster
             shutil.rmtree(folder, ignore_errors=True)
             with contextlib.suppress(OSError):
                 partial.rename(folder)
@@ -157,7 +157,7 @@ def _fill(path: Path, folder: Path, progress: Callable[[float], None]) -> bool:
 
 
 class _NoRoomError(LogError):
-    """There is no room for the columns."""
+    """Error of columns that cannot be written."""
 
 
 def _write_folder(path: Path, folder: Path, progress: Callable[[float], None]) -> None:
@@ -172,7 +172,7 @@ def _write_folder(path: Path, folder: Path, progress: Callable[[float], None]) -
 def _write(
     path: Path, folder: Path, stack: contextlib.ExitStack, progress: Callable[[float], None]
 ) -> RowsHeader:
-    """Columns of `path` as files in `folder`."""
+    """Write the columns of `path` as files in `folder`, and return their header."""
     files: dict[str, IO[bytes]] = {}
 
     def put(name: str, values: NDArray[Any]) -> None:
@@ -194,16 +194,16 @@ def _write(
 
     broken = read_batches(path, take, progress)
     assert gatherer is not None
-    # It may be asked under another name.
+    # The cached reason omits the name, as the same content may have another one later.
     return gatherer.header(broken.removeprefix(f"{path} "))
 
 
 def forget_oldest(root: Path, keep: Path) -> None:
-    """Remove the folders below `root` that were used longest ago, beyond MOST_BYTES."""
+    """Remove the least recently used folders below `root` beyond MOST_BYTES."""
     with contextlib.suppress(OSError):
         folders = sorted(root.glob("[!.]*"), key=lambda f: f.stat().st_mtime, reverse=True)
         total = 0
-        for left in root.glob(".partial-*"):  # by a process that was killed
+        for left in root.glob(".partial-*"):  # left by a process that was killed
             if time.time() - left.stat().st_mtime > PARTIAL_S:
                 shutil.rmtree(left, ignore_errors=True)
         for folder in folders:

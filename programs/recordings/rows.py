@@ -1,7 +1,7 @@
 """Rows of a recording: the values that decide on contacts, as arrays with one row per tick.
 
-They are gathered batch by batch, and come in parts, so that memory does not grow with the
-recording: `row_cache` keeps them in between.
+They are gathered in batches, cached by `row_cache`, and read in parts, so that memory does not grow
+with the recording.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from daemon.protocol.state import Snapshot, State
 
 #: Columns of Rows with one number per joint.
 MATRICES: Final = ("residual", "threshold", "level_share")
-_LEARNS_SINCE: Final = 4  # format
+_LEARNS_SINCE: Final = 4  # first format with learning
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,42 +30,42 @@ class Rows:
     """Consecutive ticks, (ticks,) or (ticks, n); torques [Nm]."""
 
     time_s: Vector
-    """from the first State of the recording"""
+    """Time from the first State of the recording."""
     follows: bool
-    """no tick is missing before the first"""
+    """True if no tick is missing before the first row."""
     reports: NDArray[np.bool_]
-    """joints whose contacts were reported: the arm was energised and the joint did sense"""
+    """Joints whose contacts were reported: the arm was energised and the joint sensed contact."""
     force_N: Vector
-    """size of the force at the tool; 0 where none was shown, or recorded"""
+    """Norm of the estimated force at the tool; 0 if there was none, or it was not recorded."""
     residual: Matrix
     threshold: Matrix
-    """in force"""
+    """Threshold in force."""
     level_share: Matrix
-    """share of the configured level in force; 1 where it was not recorded"""
+    """Share of the configured level in force; 1 if it was not recorded."""
 
 
 class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
-    """Header that all rows of a recording share."""
+    """Values common to all rows of a recording."""
 
     joints: list[str]
     contact: list[float]  # configured levels [Nm]
     debounce: int  # [ticks]
     learned: bool  # learning was on
     shares_known: bool  # level_share was recorded
-    residual: str  # name of the one that decided
+    residual: str  # name of the residual that decided
     beside: list[str]
     rows: int
-    period_s: float  # that a row stands for
+    period_s: float  # duration of a row
     stretches: list[int]  # rows before which ticks are missing
     duration_s: float
-    reaction_s: float | None  # when the arm first reacted to a contact
-    broken: str = ""  # reason why the recording ends early, without its name
+    reaction_s: float | None  # time of the arm's first reaction to a contact
+    broken: str = ""  # why the recording ends early, without its name
 
 
 def times_and_reports(
     states: Sequence[State], begun_s: float, n: int
 ) -> tuple[Vector, NDArray[np.bool_]]:
-    """Rows.time_s and Rows.reports of these States of `n` joints."""
+    """Columns Rows.time_s and Rows.reports for States of `n` joints."""
     always, never = [True] * n, [False] * n
     time_s = np.array([state.time_s for state in states]) - begun_s
     reports = [(state.sensing or always) if state.mode in SENSING else never for state in states]
@@ -73,8 +73,8 @@ def times_and_reports(
 
 
 def chosen_residual(asked: str, decided: str, beside: Sequence[str]) -> int | None:
-    """Number of the residual `asked` for among those beside; None for the one that decided, which
-    an empty name is, too. Raises LogError if there is no such residual."""
+    """Index of the residual `asked` for in `beside`; None for the one that decided, or an empty
+    name. Raises LogError if there is no such residual."""
     if asked in ("", decided):
         return None
     if asked not in beside:
@@ -84,12 +84,12 @@ def chosen_residual(asked: str, decided: str, beside: Sequence[str]) -> int | No
 
 
 def beside_column(number: int) -> str:
-    """Column of a residual that ran beside: its name may be anything, a path, too."""
+    """File name of the column of a residual in `beside`, whose own name may contain a path."""
     return f"beside_{number}"
 
 
 class RowsGatherer:
-    """Makes the columns of one recording, batch by batch."""
+    """Builder of the columns of one recording, batch by batch."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         c = parse_configuration(
@@ -109,10 +109,10 @@ class RowsGatherer:
     def refuse_other_arm(self, path: Path, snapshot: Snapshot) -> None:
         """Raise LogError for the snapshot of another arm."""
         if tuple(snapshot.joints) != self._joints:
-            raise LogError(f"{path} has recordings of two arms in it")
+            raise LogError(f"{path} contains recordings of two arms")
 
     def columns(self, states: Sequence[State]) -> dict[str, NDArray[Any]]:
-        """Columns of the next States, by the name of their file."""
+        """Columns of the next States, by file name."""
         if self._beside is None:
             self._beside, self._begun_s = tuple(states[0].beside), states[0].time_s
         elif states[0].tick != self._tick + 1:
@@ -153,7 +153,7 @@ class RowsGatherer:
                 self._reaction_s = state.time_s - self._begun_s
 
     def header(self, broken: str) -> RowsHeader:
-        """Header of the rows."""
+        """Header of the rows gathered so far."""
         c = self._configuration
         return RowsHeader(
             joints=list(self._joints),

@@ -1,8 +1,8 @@
-"""Other settings for a recorded arm: `PATH=VALUE`, as `contactd whatif --set` takes them.
+"""Changes of a recorded configuration: `PATH=VALUE`, as `contactd whatif --set` takes them.
 
-PATH goes down the configuration, a joint by its name: `estimator.gain=20`,
-`joints.LElbowYaw.friction.motor_coulomb=0.4`. `identified=FILE` takes all of another
-identified.yaml, and `payload=VALUE` is the payload in the hand (`carried`). VALUE is YAML.
+PATH is the path of a setting, with joints by name: `estimator.gain=20`,
+`joints.LElbowYaw.friction.motor_coulomb=0.4`. `identified=FILE` uses another identified.yaml, and
+`payload=VALUE` sets the payload in the hand (`carried`). VALUE is YAML.
 """
 
 import re
@@ -23,14 +23,14 @@ from daemon.protocol.text import printable
 IDENTIFIED: Final = "identified"
 PAYLOAD: Final = "payload"
 REPLAYED: Final = ("estimator", "joints", "payloads")
-"""Parts of a configuration that a replay uses."""
+"""Sections of a configuration that a replay uses."""
 _EXPONENT: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+", re.ASCII)
 Change = tuple[str, str]
 """PATH and VALUE."""
 
 
 def parse_change(text: str) -> Change:
-    """PATH and VALUE of `PATH=VALUE`; of another identified.yaml its text. Raises
+    """PATH and VALUE from `PATH=VALUE`; for `identified` VALUE is the file's text. Raises
     ConfigurationError."""
     path, equals, value = text.partition("=")
     if not (path and equals and value):
@@ -44,7 +44,7 @@ def parse_change(text: str) -> Change:
 
 
 def changed_configuration(snapshot: Snapshot, changes: Sequence[Change]) -> Configuration:
-    """The recorded configuration with these changes, in their order. Raises ConfigurationError."""
+    """Recorded configuration with these changes applied in order. Raises ConfigurationError."""
     identified = next(
         (value for path, value in reversed(changes) if path == IDENTIFIED), snapshot.identified
     )
@@ -60,28 +60,28 @@ def changed_configuration(snapshot: Snapshot, changes: Sequence[Change]) -> Conf
                 raise ConfigurationError(f"{as_option(path, value)}: {error}") from error
             if keys[0] not in REPLAYED:
                 raise ConfigurationError(
-                    f"{as_option(path, value)}: would change nothing: a replay goes by "
+                    f"{as_option(path, value)}: has no effect: a replay uses only "
                     f"{', '.join(REPLAYED)}, {IDENTIFIED} and {PAYLOAD}"
                 )
     if configuration.joint_names != snapshot.joints:
-        raise ConfigurationError("--set: the joints' names are those of the recording")
+        raise ConfigurationError("--set: names of joints cannot be changed")
     return configuration
 
 
 def parsed_value(path: str, value: str) -> Any:
-    """VALUE of a change; 1e-3 is a number, too, which YAML takes for text. Raises
+    """Parsed VALUE of a change; 1e-3 is a number, although YAML reads it as text. Raises
     ConfigurationError."""
     if _EXPONENT.fullmatch(value.strip()):
         return float(value)
     try:
         return yaml.safe_load(value)
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{as_option(path, value)}: is not YAML") from error
+        raise ConfigurationError(f"{as_option(path, value)}: is not valid YAML") from error
 
 
 def _with(place: Any, keys: Sequence[str], value: Any, path: str) -> Any:
-    """A copy of `place` with another value under these keys. Raises ConfigurationError for a key
-    that is not there, msgspec.ValidationError for a value of another kind."""
+    """Copy of `place` with another value under these keys. Raises ConfigurationError for an unknown
+    key, msgspec.ValidationError for a value of another type."""
     key, *rest = keys
     if isinstance(place, msgspec.Struct) and key in place.__struct_fields__:
         before, kind = getattr(place, key), get_type_hints(type(place), include_extras=True)[key]
@@ -104,7 +104,7 @@ def _with(place: Any, keys: Sequence[str], value: Any, path: str) -> Any:
 
 
 def _index(place: Sequence[Any], key: str) -> int | None:
-    """Row of a list by its name, or by its number from 0."""
+    """Index of an element by its name, or by its number from 0; None if there is none."""
     for k, one in enumerate(place):
         if getattr(one, "name", None) == key:
             return k
@@ -120,5 +120,5 @@ def _keys(place: Any) -> list[str]:
 
 
 def as_option(path: str, value: str) -> str:
-    """A change as it was asked, for an error."""
+    """Change as the user gave it, for error messages."""
     return f"--set {printable(path)}={printable(value)[:80]}"

@@ -1,9 +1,9 @@
-"""Signals of a recording for a picture: one row per tick, or the least and largest of several.
+"""Signals of a recording for a plot: one row per tick, or the least and largest of several.
 
-A picture has no use for more points than it can show, and an hour has 360000 ticks. So ticks are
-gathered into buckets, of which the least and the largest value are kept: no peak is lost, however
-short. Buckets hold one tick at first, and twice as many whenever there are too many of them, so
-that memory does not grow with the recording. Pure.
+An hour has 360000 ticks, more than a plot can show. Ticks are therefore gathered into buckets, of
+which the least and largest value are kept, so that no peak is lost. Buckets hold one tick at first;
+whenever there are too many, pairs of them are merged, so that memory does not grow with the
+recording. Pure.
 """
 
 import math
@@ -35,7 +35,7 @@ Rows = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class ModeSpan:
-    """Time spent in one mode [s]."""
+    """Time span spent in one mode [s]."""
 
     begin_s: float
     end_s: float
@@ -44,27 +44,27 @@ class ModeSpan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """Arrays of the points to draw; NaN where States are missing."""
+    """Arrays of the points to plot; NaN where States are missing."""
 
     time_s: Vector
-    """(points,) from the first State of the recording"""
+    """Times (points,) from the first State of the recording."""
     values: dict[str, Rows]
-    """(points, n) by the field's name; two points per bucket, the least and the largest"""
+    """Values (points, n) by field name; two points per bucket, the least and the largest."""
     ticks_per_bucket: int
     modes: tuple[ModeSpan, ...]
 
 
 @dataclass(slots=True, eq=False)
 class SignalGatherer:
-    """Gathers the States between two times into `most` to twice as many buckets, or one for each
-    tick; most >= 2, `n` joints."""
+    """Gatherer of the States between two times into `most` to 2 * `most` buckets, or fewer with one
+    tick each; most >= 2, `n` joints."""
 
     n: int
     most: int
     from_s: float = -math.inf
     until_s: float = math.inf
     _width: int = 1  # ticks in a bucket
-    _count: int = 0  # of buckets that are complete
+    _count: int = 0  # complete buckets
     _begun_s: float | None = None
     _tick: int | None = None
     _modes: list[ModeSpan] = field(default_factory=list)
@@ -81,7 +81,7 @@ class SignalGatherer:
         self._rest, self._rest_s = np.zeros((0, columns), dtype=np.float32), np.zeros(0)
 
     def add(self, states: Sequence[State]) -> None:
-        """Take States, in their order; what lies outside the times asked for is left out."""
+        """Add States in their order; those outside the time span are left out."""
         if self._begun_s is None:
             self._begun_s = states[0].time_s
         begun = self._begun_s
@@ -98,7 +98,7 @@ class SignalGatherer:
         self._take(part)
 
     def signals(self) -> Signals:
-        """Everything added so far."""
+        """Signals of all States added so far."""
         time_s, low, high = self._all()
         if self._width == 1:
             flat, times = low, time_s
@@ -111,7 +111,7 @@ class SignalGatherer:
         return Signals(times, values, self._width, tuple(self._modes))
 
     def _all(self) -> tuple[Vector, Rows, Rows]:
-        """Buckets, with those rows at the end that do not fill one."""
+        """Times, least and largest values of all buckets, including an incomplete last one."""
         k = self._count
         time_s, low, high = self._time_s[:k], self._low[:k], self._high[:k]
         if not len(self._rest):
@@ -140,7 +140,7 @@ class SignalGatherer:
         self._add_rows(times, np.hstack(columns))
 
     def _break(self, time_s: float, mode: str) -> None:
-        """Add an empty row and another span of the mode: nothing is drawn across missing ticks."""
+        """Add a row of NaN and start a new span, so that no line is drawn across missing ticks."""
         self._modes.append(ModeSpan(time_s, time_s, mode))
         row = np.full((1, len(DRAWN) * self.n), np.nan, dtype=np.float32)
         self._add_rows(np.array([time_s]), row)
@@ -162,7 +162,7 @@ class SignalGatherer:
                 self._merge()
 
     def _merge(self) -> None:
-        """Put every two buckets into one."""
+        """Merge pairs of buckets."""
         half = self._count // 2
         self._low[:half] = np.fmin(self._low[0::2], self._low[1::2])
         self._high[:half] = np.fmax(self._high[0::2], self._high[1::2])
@@ -171,8 +171,8 @@ class SignalGatherer:
 
 
 def _rows(states: Sequence[State], name: str, n: int) -> Rows:
-    """A field of the States (ticks, n)."""
-    with np.errstate(over="ignore"):  # of values that no arm has: they are not drawn
+    """Values (ticks, n) of one field of the States."""
+    with np.errstate(over="ignore"):  # implausible values overflow to infinity, and are not drawn
         return _array(states, name, n)
 
 

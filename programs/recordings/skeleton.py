@@ -1,7 +1,7 @@
 """Skeleton of an arm: frames and capsules from its URDF, for viewers that draw it. Pure.
 
-A capsule goes from the origin of a link to that of each joint it carries, or, at the end of a
-chain, to twice its centre of mass; where that is nothing, it is a ball.
+A capsule extends from the origin of a link to that of each joint it carries, or, at the end of a
+chain, to twice its centre of mass. Capsules shorter than 2 cm are left out.
 """
 
 import math
@@ -17,7 +17,7 @@ from estimator.urdf import linked
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-"""x, y, z, w."""
+"""Quaternion x, y, z, w."""
 _SHORTEST_M: Final = 0.02
 _LEAST_RADIUS_M, _RADIUS_SHARE, _MOST_RADIUS_M = 0.02, 0.2, 0.05
 _ZERO: Final[Triple] = (0.0, 0.0, 0.0)
@@ -25,23 +25,23 @@ _ZERO: Final[Triple] = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Frame of a link in that of its parent."""
+    """Frame of a link relative to its parent's."""
 
     parent: str
     child: str
     joint: str
     xyz: Triple
     fixed: Quaternion
-    """rotation at q = 0"""
+    """Rotation at q = 0."""
     axis: Triple
     slides: bool
-    """prismatic: q is a way along the axis [m]"""
+    """True for a prismatic joint, whose q is a displacement along the axis [m]."""
 
     def at(self, q: float) -> tuple[Triple, Quaternion]:
         """Translation and rotation at a joint position [rad], or [m]."""
         if self.slides:
-            way = rotated(self.fixed, (q * self.axis[0], q * self.axis[1], q * self.axis[2]))
-            x, y, z = (a + b for a, b in zip(self.xyz, way, strict=True))
+            shift = rotated(self.fixed, (q * self.axis[0], q * self.axis[1], q * self.axis[2]))
+            x, y, z = (a + b for a, b in zip(self.xyz, shift, strict=True))
             return (x, y, z), self.fixed
         half, (x, y, z) = math.sin(0.5 * q), self.axis
         return self.xyz, product(self.fixed, (x * half, y * half, z * half, math.cos(0.5 * q)))
@@ -49,7 +49,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """From the origin of a link's frame to `end` [m]."""
+    """Capsule from the origin of a link's frame to `end` [m]."""
 
     link: str
     end: Triple
@@ -57,25 +57,25 @@ class Capsule:
 
     @property
     def length(self) -> float:
-        """Between the centres of its round ends [m]."""
+        """Distance between the centres of its round ends [m]."""
         return math.dist(_ZERO, self.end)
 
 
 @dataclass(frozen=True, slots=True)
 class Skeleton:
-    """Frames from the root on, and capsules of all links that have any extent."""
+    """Frames from the root on, and capsules of all links of some extent."""
 
     root: str
     frames: tuple[Frame, ...]
     capsules: tuple[Capsule, ...]
 
     def link_of(self) -> Mapping[str, str]:
-        """Link that each joint carries."""
+        """Link that each joint moves, by joint."""
         return {frame.joint: frame.child for frame in self.frames}
 
 
 def skeleton_of(urdf: str) -> Skeleton:
-    """Skeleton of a URDF. Raises ModelError for a text that is none."""
+    """Skeleton of a URDF. Raises ModelError for an invalid URDF."""
     try:
         robot = ET.fromstring(urdf)
         frames = tuple(_frame(joint) for joint in robot.findall("joint"))
@@ -95,7 +95,7 @@ def skeleton_of(urdf: str) -> Skeleton:
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Rotation by b, then by a."""
+    """Product a b: rotation by b, then by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -107,14 +107,14 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def rotated(by: Quaternion, v: Sequence[float]) -> Triple:
-    """A vector, rotated."""
+    """Vector v rotated by a quaternion."""
     x, y, z, w = by
     (vx, vy, vz, _) = product(product(by, (v[0], v[1], v[2], 0.0)), (-x, -y, -z, w))
     return vx, vy, vz
 
 
 def towards(direction: Triple) -> Quaternion:
-    """Rotation that takes the z axis along a direction."""
+    """Rotation that turns the z axis into a direction."""
     x, y, z = np.array(direction) / math.dist(direction, _ZERO)
     if z < -1.0 + 1e-9:
         return 1.0, 0.0, 0.0, 0.0
@@ -144,7 +144,7 @@ def _capsule(link: str, tip: Triple) -> Capsule:
 
 
 def from_rpy(rpy: Triple) -> Quaternion:
-    """Rotation of the roll, pitch and yaw of a URDF."""
+    """Rotation by a URDF's roll, pitch and yaw."""
     roll, pitch, yaw = (0.5 * angle for angle in rpy)
     about_x = (math.sin(roll), 0.0, 0.0, math.cos(roll))
     about_y = (0.0, math.sin(pitch), 0.0, math.cos(pitch))
@@ -157,7 +157,7 @@ def _centre(link: ET.Element) -> Triple:
 
 
 def triple(element: ET.Element | None, name: str, otherwise: Triple) -> Triple:
-    """Three numbers of an attribute, or others where there is none. Raises ValueError."""
+    """Three numbers of an attribute, or `otherwise` if it is missing. Raises ValueError."""
     text = None if element is None else element.get(name)
     if text is None:
         return otherwise

@@ -1,13 +1,13 @@
 """Point of contact: which link is touched and where on it, from the residuals of all joints.
 
-A force f at a point x of a link is J(x)^T f at the joints. Every point of the surface of a capsule
-around each link is a hypothesis, whose f is some F along each axis, light or hard:
+A force f at a point x of a link causes the torques J(x)^T f at the joints. Each point on the
+surface of each link is a hypothesis, with a zero-mean normal prior of f of standard deviation F:
 
     r ~ mean over F of N(0, D + F^2 J(x)^T J(x)),    D = diag(s_i^2),    F = 2, 5, 12, 30 N
 
-so that a link further out, whose own joint shows nothing, is as unlikely as a force that happens to
-pass through that joint's axis. Beforehand the last link, with the tool, is as likely as all others
-together. For readers of States; nothing of it is in the loop.
+so that a link further out, whose own joint shows no residual, is as unlikely as a force through
+that joint's axis. A priori the last link, with the tool, is as likely as all others together. For
+clients that read States; not part of the loop.
 """
 
 from collections.abc import Sequence
@@ -25,32 +25,32 @@ from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
 LIKELY, SURE_S = 0.5, 0.06
-"""A link is decided after SURE_S as the most likely one, where time counts in full at a probability
-of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
+"""A link is decided after being the most likely one for SURE_S [s], weighted by its probability:
+fully at one, not at all at LIKELY. Residuals of outer joints rise later, because of their gaps."""
 MOSTLY, MOSTLY_SURE, MOSTLY_S = 0.7, 0.6, 0.2
-"""Or after MOSTLY_S as the most likely one, by MOSTLY_SURE, if it was so in MOSTLY of it."""
+"""Or after MOSTLY_S [s], if its probability is MOSTLY_SURE and its share so far MOSTLY."""
 CANDIDATE: Final = 0.05
 MOST_DOUBT_M, LEAST_SURE = 0.1, 0.7
-"""Beyond it, or for a link less likely, a point is not given."""
+"""A point is only given up to this uncertainty [m], and from this probability of its link on."""
 NO_FIT: Final = 3.0
-"""Misfit from which no force at one point explains the residuals."""
+"""Misfit from which on no force at one point explains the residuals."""
 _FORCES_N: Final = np.array([2.0, 5.0, 12.0, 30.0]).reshape(-1, 1)
-_ALONG, _AROUND = 12, 12  # points of a capsule
-# Standard deviation of a residual: of the share in force of its configured level, of what raises
-# that, and of the largest r' / K of late; K as configurations have it.
+_ALONG, _AROUND = 12, 12  # points along and around a capsule
+# Standard deviation of a residual, relative to the level in force, to its raise, and to the largest
+# recent r' / K; K is the usual gain of configurations.
 _LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
 _LEAST_NM = 1e-3
-_SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
-_BALL_M = 0.035  # radius of a link that is too short to have a capsule
-_EVERY, _LATE_S = 3, 0.05  # ticks; what counts at most of the time between [s]
+_SHAPE_M, _COARSE_M = 0.03, 0.006  # error of a surface; spacing of its points
+_BALL_M = 0.035  # radius of the ball for a link that is too short for a capsule
+_EVERY, _LATE_S = 3, 0.05  # ticks between evaluations; longest time that one counts for [s]
 
 
 @dataclass(frozen=True, slots=True)
 class TouchPoint:
-    """Contact at one point. `joints` are those whose links may be meant, most likely first, with
-    the probability `sure`; `decided` if it is that one, not only one of them; `point` (3,) [m] and
-    `force` (3,) [N] are along the axes of the URDF's link `link`. If the first joint is right, the
-    true point is within `doubt_m` in 95 of 100."""
+    """Contact at one point. `joints`: those whose links may be touched, the most likely, with
+    probability `sure`, first; `decided`: that one alone. `point` (3,) [m] and `force` (3,) [N] are
+    in the frame of the URDF's link `link`. If the first joint is right, the true point is within
+    `doubt_m` in 95 % of cases."""
 
     joints: tuple[str, ...]
     sure: float
@@ -63,15 +63,15 @@ class TouchPoint:
 
     @property
     def placed(self) -> bool:
-        """True if the point is known."""
+        """True if the point is known well enough."""
         near = self.doubt_m <= MOST_DOUBT_M and self.sure >= LEAST_SURE
         return near and self.misfit < NO_FIT
 
 
 @dataclass(slots=True)
 class MostLikely:
-    """The most likely links of a contact by their joints: the last one, for how long it counts, and
-    the probabilities of each, summed."""
+    """Decision on the touched link, by its joint: the most likely one at present, the weighted time
+    for which it has been so, and sums of probabilities by joint."""
 
     best: int = -1
     counts_s: float = 0.0
@@ -79,7 +79,7 @@ class MostLikely:
     sums: dict[int, float] = field(default_factory=dict)
 
     def decides(self, best: int, sure: float, dt: float) -> bool:
-        """True if the link of joint `best`, now the most likely one, is decided; dt [s] long."""
+        """Add dt [s] of joint `best` as the most likely one; True if its link is decided."""
         counts_s = dt * (sure - LIKELY) / (1.0 - LIKELY)
         stays = best == self.best and counts_s >= 0.0
         self.counts_s = self.counts_s + counts_s if stays else 0.0
@@ -92,10 +92,10 @@ class MostLikely:
 
 
 class TouchFinder:
-    """Hypotheses of one arm; `take` each tick."""
+    """Finder of the point of contact of one arm; `take` each tick."""
 
     def __init__(self, urdf: str, joints: Sequence[str], contact: ArrayLike) -> None:
-        """contact: configured contact levels (n,) [Nm]. Raises ModelError for a bad URDF."""
+        """Create a finder; contact: configured levels (n,) [Nm]. Raises ModelError."""
         self._names, self._contact = tuple(joints), np.array(contact)
         self._skeleton: Skeleton = skeleton_of(urdf)
         surfaces = _collisions(urdf)
@@ -111,16 +111,16 @@ class TouchFinder:
         self._found: TouchPoint | None = None
         self._time_s = np.inf
         self.frames: dict[str, tuple[Matrix, Vector]] = {}
-        """Rotation and origin [m] of each link in the frame of the root, when last looked at."""
+        """Rotation and origin [m] of each link in the root's frame, at the last evaluation."""
 
     @classmethod
     def of(cls, snapshot: Snapshot) -> "TouchFinder":
-        """Finder of the arm that sends this. Raises ModelError for a bad URDF."""
+        """Finder for the arm of a snapshot. Raises ModelError for an invalid URDF."""
         return cls(snapshot.urdf, snapshot.joints, snapshot.thresholds)
 
     def see(self, state: State) -> TouchPoint | None:
-        """`take` of a State, which may come some ticks after the one before; None in a mode that
-        senses nothing."""
+        """Contact of a State, as by `take`; States in between may be missing. None in a mode
+        without sensing."""
         q, r, level = (
             np.array(values, dtype=np.float64)
             for values in (state.link_position, state.residual, state.threshold)
@@ -136,9 +136,9 @@ class TouchFinder:
     def take(
         self, q: Vector, r: Vector, threshold: Vector, share: Vector, dt: float
     ) -> TouchPoint | None:
-        """Contact of one tick, dt [s] after the one before, or of one of the two before that; None
-        where no residual r is beyond its level in force `threshold` [Nm]. share: of the configured
-        level that is in force; (n,) each. Joints whose residual is not finite count nothing."""
+        """Contact of one tick, dt [s] after the last, evaluated every third tick; None if no
+        residual r exceeds its threshold [Nm]. share: of the configured level that is in force; (n,)
+        each. Joints whose residual is not finite are ignored."""
         rate = np.nan_to_num(np.abs(r - self._r)) / (_GAIN * dt)
         self._lag = np.maximum(rate, np.nan_to_num(self._lag) / (1.0 + _GAIN * dt))
         self._r = r
@@ -157,12 +157,12 @@ class TouchFinder:
         return self._found
 
     def _find(self, q: Vector, r: Vector, variance: Vector, dt: float) -> TouchPoint | None:
-        """Point that explains r best, of that variance; None if no joint moves a link."""
+        """Point that best explains r with this variance; None if no joint moves a link."""
         at, J, row, links = self._hypotheses(q)
         if not len(at):
             return None
         counts, levers, size = np.isfinite(variance), np.any(J != 0.0, axis=2), 0.0
-        for _ in range(2):  # the second time with what a point beside the true one does
+        for _ in range(2):  # the second time with the error from the spacing of points
             w = 1.0 / (variance + levers * (_COARSE_M * size) ** 2)
             S = np.einsum("pia,pi,pib->pab", J, w, J)
             S = S + np.eye(3) / np.square(_FORCES_N)[..., np.newaxis, np.newaxis]
@@ -201,7 +201,7 @@ class TouchFinder:
         )
 
     def _hypotheses(self, q: Vector) -> tuple[Matrix, Matrix, Vector, list[str]]:
-        """Points (p, 3) [m] along the root's axes, their J (p, n, 3), the row of the joint that
+        """Points (p, 3) [m] in the root's frame, their J (p, n, 3), the index of the joint that
         moves each, and its link."""
         angle = dict(zip(self._names, q.tolist(), strict=True))
         root = self._skeleton.root
@@ -210,9 +210,9 @@ class TouchFinder:
         axes: dict[int, tuple[Vector, Vector, bool]] = {}
         for frame in self._skeleton.frames:
             rotation, origin = frames[frame.parent]
-            way, turn = frame.at(angle.get(frame.joint, 0.0))
+            shift, turn = frame.at(angle.get(frame.joint, 0.0))
             turned = rotation @ np.array([rotated(turn, unit) for unit in np.eye(3).tolist()]).T
-            frames[frame.child] = turned, origin + rotation @ way
+            frames[frame.child] = turned, origin + rotation @ shift
             chain[frame.child] = chain[frame.parent]
             if frame.joint in angle:
                 i = self._names.index(frame.joint)
@@ -242,7 +242,7 @@ class TouchFinder:
 
 
 def touch_words(found: TouchPoint) -> str:
-    """`l_wrist at (0.01 0.00 0.06) m +- 3 cm`, or what is not known."""
+    """Words such as `l_wrist at (0.01 0.00 0.06) m +- 3 cm`, or what is unknown."""
     if found.misfit >= NO_FIT:
         return "two places, or none that is one force"
     meant = " or ".join(found.joints[1:])
@@ -254,7 +254,7 @@ def touch_words(found: TouchPoint) -> str:
 
 
 def _surface(end: Vector, radius: float) -> Matrix:
-    """Points of a cylinder from the origin to `end` (3,), of its middle line's far end, too."""
+    """Points on the lateral surface of a cylinder from the origin to `end` (3,)."""
     along = end / np.linalg.norm(end)
     first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
     first /= np.linalg.norm(first)
@@ -264,7 +264,7 @@ def _surface(end: Vector, radius: float) -> Matrix:
 
 
 def _collisions(urdf: str) -> dict[str, list[Matrix]]:
-    """Surfaces of the links that have collision shapes other than meshes, in each link's frame."""
+    """Surface points of the links with collision shapes other than meshes, in the link's frame."""
     found: dict[str, list[Matrix]] = {}
     for link in ET.fromstring(urdf).findall("link"):
         for shape in link.findall("collision"):
@@ -279,7 +279,7 @@ def _collisions(urdf: str) -> dict[str, list[Matrix]]:
 
 
 def _shape(shape: ET.Element) -> Matrix | None:
-    """Points of the surface of a box, sphere or cylinder around the origin; None of a mesh."""
+    """Surface points of a box, sphere or cylinder around the origin; None for a mesh."""
     if (box := shape.find("geometry/box")) is not None:
         return np.asarray(_cube() * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
     if (sphere := shape.find("geometry/sphere")) is not None:
@@ -291,7 +291,7 @@ def _shape(shape: ET.Element) -> Matrix | None:
 
 
 def _cube() -> Matrix:
-    """Points of the surface of a cube from -1 to 1 along each axis."""
+    """Surface points of a cube from -1 to 1 along each axis."""
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
     return np.asarray(grid[np.abs(grid).max(axis=1) == 1.0])
 

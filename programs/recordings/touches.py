@@ -1,6 +1,6 @@
-"""Contacts in words that a program can use: what each was, of how it went, and where.
+"""Classification of contacts: what kind each was, and where, from its course.
 
-Nothing is learned: WORDS is the table, the first that holds is said, with the evidence it needs.
+The rules are fixed: WORDS is a table, whose first matching row applies.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,8 +16,8 @@ from daemon.protocol.state import Snapshot, State
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
 
 APART_S, STAYS = 0.3, 0.5
-"""Quiet time that ends a contact, as an arm swings through its gaps [s]; quiet is below its level
-and this share of its largest residual: levels rise where an arm stops."""
+"""Quiet time that ends a contact, as an arm swings through its gaps [s]. Quiet: below the level,
+and below this share of its largest residual, as levels rise when an arm stops."""
 LEANS_S, STEADY, HELD_S, HELD_RAD, PUSHED_S, PUSHED_RAD = 2.0, 0.2, 0.5, 0.005, 0.4, 0.02
 _HARD_S: Final = 0.15
 
@@ -27,15 +27,15 @@ class Evidence:
     """Evidence of one contact."""
 
     begin_s: float
-    seconds: float = 0.0  # from beyond its level to beyond it again, in between beyond the first
-    hard: bool = False  # past a collision level within _HARD_S
-    held_s: float = 0.0  # an arm that yields did not move, though pressed beyond its levels
-    harder: float = 0.0  # by this share, when the arm went on
-    moved_rad: float = 0.0  # of the joint that moved furthest while the arm yields
-    unsteady: float = 0.0  # of the strongest residual, the last second: spread over mean
-    load_kg: float | None = None  # recognised, and the arm does not yield
+    seconds: float = 0.0  # above its level, with dips that stay above the level at its peak
+    hard: bool = False  # exceeded a collision level within _HARD_S
+    held_s: float = 0.0  # a yielding arm did not move, although pressed above its levels
+    harder: float = 0.0  # relative increase when the arm moved on
+    moved_rad: float = 0.0  # largest displacement of a joint while the arm yields
+    unsteady: float = 0.0  # spread over mean of the largest residual during the last second
+    load_kg: float | None = None  # recognised load, while the arm does not yield
     most_N: float = 0.0
-    where: TouchPoint | None = None  # the last of those that are best known
+    where: TouchPoint | None = None  # the latest of the best-known points
 
 
 WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
@@ -44,7 +44,7 @@ WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
         lambda e: e.held_s >= HELD_S or e.harder >= STEADY,
         "pressed and does not move, or harder as soon as the arm goes on",
     ),
-    "hit": (lambda e: e.hard, "past a collision level at once"),
+    "hit": (lambda e: e.hard, "above a collision level at once"),
     "leaning": (lambda e: e.seconds >= LEANS_S and e.unsteady <= STEADY, "long and steady"),
     "pushed": (
         lambda e: e.seconds >= PUSHED_S or e.moved_rad >= PUSHED_RAD,
@@ -52,19 +52,19 @@ WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
     ),
     "touched": (lambda _: True, "short, and nothing moved"),
 }
-"""Each word, whether a contact is one, and why in words."""
+"""Kinds of contact, each with its predicate and its reason in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A contact that is over, or still going on."""
+    """Contact that has ended, or is still present, with its kind."""
 
     word: str
     evidence: Evidence
 
     @classmethod
     def of(cls, evidence: Evidence) -> "Contact":
-        """The contact of this evidence, by the first word that holds."""
+        """Contact with this evidence, classified by the first matching row of WORDS."""
         return cls(next(word for word, (holds, _) in WORDS.items() if holds(evidence)), evidence)
 
     def report(self) -> dict[str, Any]:
@@ -91,22 +91,22 @@ class Contact:
 
 
 class Touches:
-    """Contacts of one arm; `take` each State."""
+    """Detector of the contacts of one arm; `take` each State."""
 
     def __init__(self, snapshot: Snapshot) -> None:
-        """Raises ModelError for a bad URDF."""
+        """Create a detector. Raises ModelError for an invalid URDF."""
         self._finder = TouchFinder.of(snapshot)
-        self.now: Evidence | None = None  # of the contact that goes on
+        self.now: Evidence | None = None  # of the present contact
         self._time_s, self._last_s, self._held_from_s = inf, 0.0, 0.0
         self._begun_at = self._held_at = np.zeros(0)
-        # Joint whose residual is the largest of those beyond their levels, that, its level then,
-        # and the residual before the arm went on.
+        # Joint with the largest residual above its level, that residual, the level at that time,
+        # and the residual before the arm moved on.
         self._joint, self._peak, self._level, self._rested = 0, 0.0, 0.0, 0.0
-        self._waits_s = 0.0  # beyond that level, but not beyond the one in force
+        self._waits_s = 0.0  # above that level, but not above the one in force
         self._sizes: list[tuple[float, float]] = []
 
     def take(self, state: State) -> Contact | None:
-        """The contact that has ended with this State, if one has."""
+        """Contact that has ended with this State, or None."""
         q, r = (np.array(part, dtype=np.float64) for part in (state.link_position, state.residual))
         senses = state.mode in SENSING and (state.sensing is None or np.array(state.sensing))
         r = np.where(senses, r, np.nan)
@@ -136,7 +136,7 @@ class Touches:
         levels = [notice.contact.level for notice in state.notices if notice.contact]
         e.hard |= "collision" in levels and e.seconds <= _HARD_S
         yields = state.mode in YIELDING
-        if found is not None:  # one that explains the residuals is held; else a hand is there, too
+        if found is not None:  # a load that explains all residuals is no contact of a hand
             e.load_kg = state.recognised.mass if state.recognised and not yields else None
         if not yields:
             self._begun_at = q
@@ -165,8 +165,8 @@ class Touches:
 
 
 def contacts(messages: Iterable[Snapshot | State]) -> Iterator[Contact]:
-    """Each contact when it is over, and one in which they end; the first message is a Snapshot.
-    Raises ModelError."""
+    """Contacts as they end, and one that is present at the end; the first message must be a
+    Snapshot. Raises ModelError."""
     seen: Touches | None = None
     for message in messages:
         if isinstance(message, Snapshot):

@@ -1,4 +1,4 @@
-"""View of a recording: the part that a picture shows, chosen by joints, time and window.
+"""View of a recording: the part that a plot shows, selected by joints, time and window.
 
 view = read_view(path, joints=("LElbowYaw",), around="contact:2")
 """
@@ -18,7 +18,7 @@ from programs.recordings.contents import Contents
 from programs.recordings.reading import read_contents
 from programs.recordings.signals import DRAWN, SignalGatherer, Signals
 
-POINTS_BYTES: Final = 3_200_000  # of all signals in a page: four thirds of it as text
+POINTS_BYTES: Final = 3_200_000  # size of all signals in a page, before base64 adds a third
 _VALUE_BYTES: Final = 2
 _BY_NUMBER: Final = ("contact", "fault")
 AROUND: Final = re.compile(r"\d+(\.\d*)?|\.\d+|(contact|fault)(:[1-9]\d{0,5})?", re.ASCII)
@@ -26,7 +26,7 @@ AROUND: Final = re.compile(r"\d+(\.\d*)?|\.\d+|(contact|fault)(:[1-9]\d{0,5})?",
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Everything that a picture shows. `joints` are columns of the signals."""
+    """Data of a plot. `joints` are columns of the signals."""
 
     name: str
     contents: Contents
@@ -36,11 +36,11 @@ class View:
     from_s: float
     until_s: float
     at_s: float | None = None
-    """the time that was asked about"""
+    """Time in question."""
     state: State | None = None
-    """of the last tick until then"""
+    """State of the last tick up to that time."""
     broken: str = ""
-    """reason why the recording ends early"""
+    """Reason why the recording ends early."""
 
 
 def read_view(
@@ -50,11 +50,10 @@ def read_view(
     window_s: float = 5.0,
     progress: Callable[[float], None] = lambda share: None,
 ) -> View:
-    """Read a recording once, or twice where `around`, which AROUND matches, names an event: "12.3"
-    [s], "contact:2", "fault" (the first), "fault:2". `joints` are names or numbers from 1; all by
-    default.
+    """Read a recording; `around` must match AROUND: "12.3" [s], "contact:2", "fault" (the first),
+    "fault:2". An event needs a second pass. `joints`: names or numbers from 1, by default all.
 
-    Raises LogError for a file that cannot be read, a joint or an event that it does not have.
+    Raises LogError for a file that cannot be read, or an unknown joint or event.
     """
     at_s = _time_of(path, around) if around else None
     from_s, until_s = -math.inf, math.inf
@@ -81,7 +80,7 @@ def read_view(
     broken = read_batches(path, take, progress)
     assert gatherer is not None
     if at_s is not None and state is None:
-        raise LogError(f"{path} has nothing at {at_s:g} s: it lasts {contents.duration_s:.2f} s")
+        raise LogError(f"{path} has no state at {at_s:g} s: it lasts {contents.duration_s:.2f} s")
     return View(
         name=path.name,
         contents=contents,
@@ -98,7 +97,7 @@ def read_view(
 
 def _refuse_other_arm(path: Path, before: tuple[str, ...], snapshot: Snapshot) -> None:
     if before not in ((), tuple(snapshot.joints)):
-        raise LogError(f"{path} has recordings of two arms in it")
+        raise LogError(f"{path} contains recordings of two arms")
     if not snapshot.joints or len(snapshot.half_gap) != len(snapshot.joints):
         raise LogError(
             f"{path} is damaged: {len(snapshot.half_gap)} half-gaps for {len(snapshot.joints)} "
@@ -109,14 +108,14 @@ def _refuse_other_arm(path: Path, before: tuple[str, ...], snapshot: Snapshot) -
 def _gatherer(
     path: Path, snapshot: Snapshot, joints: Sequence[str], from_s: float, until_s: float
 ) -> SignalGatherer:
-    """Gatherer with as many buckets as a page has room for."""
+    """Gatherer with as many buckets as fit into a page."""
     shown = len(_chosen(tuple(snapshot.joints), joints))
     points = POINTS_BYTES // (_VALUE_BYTES * len(DRAWN) * shown + 8)
     return SignalGatherer(len(snapshot.joints), points // 4, from_s, until_s)
 
 
 def _latest(states: Sequence[State], contents: Contents, at_s: float) -> State | None:
-    """The last of these States until a time."""
+    """Last of these States up to a time, or None."""
     begun = contents.begun_s or 0.0
     until = [s for s in states if s.time_s - begun <= at_s + 1e-9]
     return until[-1] if until and at_s <= contents.duration_s + 1.0 else None
@@ -149,7 +148,7 @@ def _time_of(path: Path, around: str) -> float:
 
 
 def said_at(view: View) -> list[str]:
-    """Every joint that is shown, at the time that was asked about, in words."""
+    """Lines of text on all joints shown, at the time in question."""
     state, at_s = view.state, view.at_s
     if state is None or at_s is None:
         return []

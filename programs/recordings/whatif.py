@@ -1,9 +1,9 @@
 """Hypothetical contacts of one recording: at other levels, by another residual, or with other
 settings.
 
-Residual, threshold and the share that learning left of it are recorded, so other levels need no
-estimator. Other settings do: the samples are replayed with them. Everything here is a pure function
-of a recording and a question, and both can be sent to another process or machine.
+Residual, threshold and its lowering by learning are recorded, so that other levels do not need the
+estimator. For other settings the samples are replayed. An answer depends only on the recording and
+the question, both of which can be sent to another process or machine.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from programs.recordings.question import ARM, COLLISION, Answer, Curve, Found, Q
 from programs.recordings.row_cache import CachedRows, content_digest
 from programs.recordings.rows import MATRICES, Rows, RowsHeader
 
-MOST_CONTACTS: Final = 500  # listed of one recording
+MOST_CONTACTS: Final = 500  # listed for one recording
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class _Joint:
 
 
 class _Levels:
-    """Sweeps of the joints that were asked about, over their levels of one kind."""
+    """Sweeps of the joints in question over their contact or collision levels."""
 
     def __init__(
         self, critical: Callable[..., Matrix], joints: list[_Joint], header: RowsHeader
@@ -47,13 +47,13 @@ class _Levels:
         self._debounce = Debounce(len(header.joints), header.debounce)
 
     def forget(self) -> None:
-        """Begin anew, after a gap."""
+        """Start afresh after a gap."""
         self._debounce.forget()
         for joint in self.joints:
             joint.sweep.forget()
 
     def add(self, rows: Rows) -> NDArray[np.int64]:
-        """Take rows; returns how many levels any of the joints passes (ticks,)."""
+        """Add rows; returns the largest number of levels that a joint exceeds (ticks,)."""
         most = np.zeros(len(rows.time_s), dtype=np.int64)
         if not self.joints:
             return most
@@ -74,12 +74,11 @@ def ask(
     cache: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Answer:
-    """Answer of a recording. Never raises ContactdError: `failed` is the reason why there is
-    none."""
+    """Answer of a recording. Does not raise ContactdError: `failed` has the reason instead."""
     try:
         with (
             contextlib.closing(CachedRows(file, content_digest(file), cache, progress)) as recorded,
-            np.errstate(over="ignore", invalid="ignore"),  # of values that no arm has
+            np.errstate(over="ignore", invalid="ignore"),  # implausible values may overflow
         ):
             return _Asked(file, question, labels, recorded).answer(progress)
     except ContactdError as error:
@@ -89,7 +88,7 @@ def ask(
 
 
 class _Asked:
-    """A question to one recording."""
+    """Evaluation of a question for one recording."""
 
     def __init__(
         self, file: Path, question: Question, labels: tuple[Label, ...], recorded: CachedRows
@@ -101,8 +100,8 @@ class _Asked:
             _refuse_unknown(label.joint, header, but=ANY)
             if label.start_s > header.duration_s:
                 raise LogError(
-                    f"has a label from {label.start_s:g} s on, and lasts "
-                    f"{header.duration_s:.2f} s: its times count from its first state"
+                    f"has a label from {label.start_s:g} s on, but lasts only "
+                    f"{header.duration_s:.2f} s: times count from its first state"
                 )
         for joint in (*question.levels, *question.collisions):
             _refuse_unknown(joint, header)
@@ -112,7 +111,7 @@ class _Asked:
         self.touches = [Window(label.start_s, label.end_s) for label in labels]
 
     def answer(self, progress: Callable[[float], None]) -> Answer:
-        """All of it."""
+        """Complete answer."""
         header, question = self.recorded.header, self.question
         answer = Answer(
             file=str(self.file),
@@ -141,16 +140,16 @@ class _Asked:
         return answer
 
     def _cut(self, parts: Iterator[Rows]) -> Iterator[Rows]:
-        """Rows before the end that was asked for."""
+        """Rows up to the end in question."""
         for rows in parts:
-            whole = int(np.searchsorted(rows.time_s, self.end_s, side="right"))
-            if whole:
-                yield _first(rows, whole)
-            if whole < len(rows.time_s):
+            count = int(np.searchsorted(rows.time_s, self.end_s, side="right"))
+            if count:
+                yield _first(rows, count)
+            if count < len(rows.time_s):
                 return
 
     def _count(self, answer: Answer, parts: Iterator[Rows], header: RowsHeader) -> None:
-        """One pass over the rows: contacts at the levels in force, and all curves."""
+        """Add, in one pass over the rows, contacts at the levels in force, and all curves."""
         levels = _Levels(critical_level, self._joints(header, self.question.levels), header)
         hard = _Levels(critical_collision, self._joints(header, self.question.collisions), header)
         count = {len(joint.levels) for joint in levels.joints}
@@ -181,7 +180,7 @@ class _Asked:
             answer.curves[ARM] = _curve(arm, steps, header.period_s)
 
     def _watch(self, answer: Answer, rows: Rows, period_s: float) -> None:
-        """Count the time in which contacts are reported, and of it that outside of all labels."""
+        """Add the time in which contacts are reported, and its part outside of all labels."""
         watched = rows.reports.any(axis=1)
         answer.watched_s += period_s * int(np.count_nonzero(watched))
         for window in self.touches:
@@ -210,13 +209,13 @@ class _Asked:
 
 
 def _beyond(rows: Rows) -> Matrix:
-    """Excess of each |r| over its threshold in force (ticks, n) [Nm]."""
+    """Excess of |r| over the threshold in force (ticks, n) [Nm], at least 0."""
     beyond: Matrix = np.where(rows.reports, np.abs(rows.residual) - rows.threshold, 0.0)
     return np.maximum(beyond, 0.0)
 
 
 class _Contacts:
-    """Contacts at the levels in force, one after another."""
+    """List of contacts at the levels in force, and the largest force."""
 
     def __init__(self, header: RowsHeader) -> None:
         self._joints = header.joints
@@ -225,11 +224,11 @@ class _Contacts:
         self.most_N = 0.0  # at the tool
 
     def forget(self) -> None:
-        """Begin anew, after a gap."""
+        """Start afresh after a gap."""
         self._before[:] = 0.0
 
     def add(self, rows: Rows, beyond: Matrix) -> None:
-        """Take rows and what lies beyond their thresholds, debounced and signed."""
+        """Add rows, with their debounced, signed excess over the thresholds."""
         before = np.vstack([self._before, beyond[:-1]])
         self._before = beyond[-1]
         self.most_N = max(self.most_N, float(np.max(rows.force_N * rows.reports.any(axis=1))))
@@ -277,7 +276,7 @@ def _curve(sweep: Sweep, levels: list[float], period_s: float) -> Curve:
 
 
 def naming(file: Path, error: ContactdError) -> str:
-    """An error with the file that it is about."""
+    """Text of an error, prefixed by the file unless it contains its name."""
     text = str(error)
     if str(file) in text:
         return text

@@ -1,1 +1,1 @@
-"""`contactd simulate`: a simulated arm on a bus of its own."""
+"""`contactd simulate`: simulates an arm on the configured bus."""

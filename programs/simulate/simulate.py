@@ -1,4 +1,4 @@
-"""`contactd simulate`: the simulated arm at the other end of the bus, in a process of its own."""
+"""`contactd simulate`: simulates the arm in a separate process on the configured bus."""
 
 import sys
 from collections.abc import Iterator
@@ -23,8 +23,8 @@ from simulator.server import Server, serve, serve_on_bus
 def run_simulation(
     robot: Robot, seed: int | None, friction: str | None, hand: Path | None, door: Path | None
 ) -> None:
-    """Serve until SIGTERM or SIGINT; `door` is the socket of the live hand, where it is not the
-    usual one. Raises ContactdError."""
+    """Simulate until SIGTERM or SIGINT; `door`: socket of the live hand, None for the default.
+    Raises ContactdError."""
     description, simulation = true_arm(robot)
     for sentence in (*refused_drives(robot, simulation), *supplied_values(description)):
         say(sentence, err=True)
@@ -32,7 +32,7 @@ def run_simulation(
     changes = {name: value for name, value in chosen.items() if value is not None}
     settings = msgspec.structs.replace(simulation.settings, **changes)
     script = read_script(hand) if hand else ()
-    # Real drives are punctual; simulated ones need real-time priority for it.
+    # Simulated drives need real-time priority to be as punctual as real ones.
     go_realtime()
     bus = robot.configuration.bus
     with _live_hand(door) as live:
@@ -53,8 +53,8 @@ def run_simulation(
 
 @contextmanager
 def _live_hand(chosen: Path | None) -> Iterator[HandDoor | None]:
-    """Socket of the live hand. Where another simulation has the usual one, this goes without, and
-    says so; one that was chosen must be free: raises BusError."""
+    """Context with the socket of the live hand. If another simulation uses the default, there is
+    none, with a message. Raises BusError if a chosen one is in use."""
     door: HandDoor | None = None
     try:
         door = HandDoor(chosen or default_hand_path())

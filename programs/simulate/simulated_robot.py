@@ -1,5 +1,5 @@
-"""Simulated counterpart of a robot: the true arm of `simulation.yaml`, and that file written once
-from a configuration, from where on the two go their own ways."""
+"""Simulated counterpart of a robot: reads the true arm from `simulation.yaml`, and writes that file
+once from a configuration, from which it is independent afterwards."""
 
 import re
 import shutil
@@ -39,8 +39,8 @@ from simulator.truth import (
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
 # The true arm that `contactd simulate` simulates: docs/rehearsing.md. It shares nothing with
-# config.yaml: what is corrected there does not change it. Settings draw the rest: masses, friction,
-# gaps and torque constants are off by some per cent (`settings.mismatch`, `settings.seed`).
+# config.yaml: corrections there do not change it. Settings draw the rest at random: masses,
+# friction, gaps, torque constants differ by some per cent (`settings.mismatch`, `settings.seed`).
 """
 NO_LINK_ENCODER = ("# {}: nothing in its EDS is a link encoder, and this simulation has none: "
                    "link_position is read at the motor.\n")  # fmt: skip
@@ -48,7 +48,8 @@ FIXED = {"target_velocity": 0x60FF, "quick_stop_deceleration": 0x6085}
 
 
 def read_simulation(robot: Robot) -> SimulationFile:
-    """The robot's `simulation.yaml`; defaults where there is none. Raises ConfigurationError."""
+    """Content of the robot's `simulation.yaml`; defaults if it is missing. Raises
+    ConfigurationError."""
     path = robot.folder / FILE
     if not path.exists():
         return SimulationFile()
@@ -65,8 +66,8 @@ def read_simulation(robot: Robot) -> SimulationFile:
 
 
 def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
-    """The true arm of the robot's `simulation.yaml`. Raises ConfigurationError, where there is no
-    such file or it is of before the truth stood in it, too."""
+    """True arm and content of the robot's `simulation.yaml`. Raises ConfigurationError, also if the
+    file is missing or lacks the true arm."""
     simulation, path = read_simulation(robot), robot.folder / FILE
     if not simulation.joints:
         raise ConfigurationError(
@@ -77,8 +78,8 @@ def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
 
 
 def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
-    """Drives of the true arm that `contactd run` is going to refuse, in sentences: node ids and
-    rated currents that differ in `config.yaml`."""
+    """Sentences on drives of the true arm that `contactd run` will refuse, as node ID or rated
+    current differ in `config.yaml`."""
     configured = {joint.name: joint.wiring for joint in robot.configuration.joints}
     found = [
         f"  {true.name}: {name} is {getattr(true, name):g} here, and "
@@ -91,7 +92,7 @@ def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
     if not found:
         return []
     return [
-        f"`contactd run` is going to refuse drives of this arm, which is that of {FILE}:",
+        f"`contactd run` will refuse drives of this arm, as {FILE} describes it:",
         *found,
         f"To simulate the arm of {robot.path.name} instead, move {FILE} and {URDF} away, then "
         f"`contactd simulate {robot.folder} --write-truth`",
@@ -99,29 +100,29 @@ def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
 
 
 def supplied_values(description: ArmDescription) -> list[str]:
-    """Values that the simulated drives have beyond their EDS, in one sentence for each EDS."""
+    """Sentences, one per EDS, on values of simulated drives that their EDS lacks."""
     sheets = sorted({drive.eds for drive in description.drives() if drive.eds})
     found = {eds: in_words(read_eds(eds)) for eds in sheets}
     return [
-        f"{eds.name} gives no value for {len(lines)} objects; as CiA 301 and 402 ask for, "
-        f"simulated are {', '.join(lines)}. The manual says what your drive has"
+        f"{eds.name} gives no value for {len(lines)} objects; they are simulated according to CiA "
+        f"301 and 402: {', '.join(lines)}. For your drive's values see its manual"
         for eds, lines in found.items()
         if lines
     ]
 
 
 def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
-    """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
-    return its path. at_motor: drives without a link encoder. The content of an older file is kept.
-    Raises ConfigurationError where a truth is there, or the drives cannot be simulated."""
-    build_setups(robot)  # refuses what is no drive
+    """Write the true arm to the robot's `simulation.yaml`, with a copy of the URDF beside it, and
+    return its path. at_motor: drives without a link encoder. Settings of an existing file are kept.
+    Raises ConfigurationError if it has a true arm, or the drives cannot be simulated."""
+    build_setups(robot)  # refuses invalid drives
     path, urdf = robot.folder / FILE, robot.folder / URDF
     simulation = read_simulation(robot)
     for there in (path if simulation.joints or simulation.drives else None, urdf):
         if there is not None and there.exists():
             raise ConfigurationError(
-                f"{there} is there already: it is never overwritten; to have the arm of now in its "
-                f"place, move {FILE} and {URDF} away first"
+                f"{there} exists: it is never overwritten; to replace it by the present arm, move "
+                f"{FILE} and {URDF} away first"
             )
     truth = in_yaml(as_configured(robot, at_motor))
     before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
@@ -132,7 +133,7 @@ def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
 
 
 def in_yaml(simulation: SimulationFile) -> str:
-    """`joints` and `drives` of a file; fields at their defaults are left out."""
+    """YAML text of `joints` and `drives`, without fields at their defaults."""
     data = {
         "joints": [_stated(joint) for joint in simulation.joints],
         "drives": {name: _stated(drive) for name, drive in simulation.drives.items()},
@@ -151,16 +152,16 @@ def _stated(part: msgspec.Struct) -> dict[str, Any]:
 
 
 def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFile:
-    """Truth of an arm that is as its configuration says. at_motor: drives without a link encoder.
-    Identified values are left out, or the arm would change with every identification. Raises
-    ConfigurationError for what the simulator lacks.
+    """True arm that equals its configuration. at_motor: drives without a link encoder. Identified
+    values are not used, as the arm would change with every identification. Raises
+    ConfigurationError for features that the simulator lacks.
     """
     configuration = (robot.by_hand or robot).configuration
     for joint in configuration.joints:
         if joint.body is not None:
             raise ConfigurationError(
                 f"{robot.path}: joints.{joint.name}.body: the simulated arm has the URDF's masses; "
-                "write these there"
+                "write these to the URDF"
             )
     model = robot.model
     return SimulationFile(
@@ -180,7 +181,7 @@ def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFil
 
 
 def _true_motor(profile: DriveProfile) -> dict[str, Any]:
-    """Fields of a joint whose motor is its drive: the model, and registers as configured."""
+    """Fields of a joint with an integrated motor: its model, and registers as configured."""
     if isinstance(profile, CanopenProfile | LogProfile):
         return {}
     ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
@@ -193,7 +194,7 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
 
 
 def _true_joint(joint: Joint, lower: float, upper: float) -> TrueJoint:
-    """End stops are the URDF's limits; the daemon's own lie inside."""
+    """True joint, with end stops at the URDF's limits; the daemon's limits lie inside."""
     wiring = joint.wiring
     friction = {name: getattr(joint.friction, name) for name in TrueFriction.__struct_fields__}
     return TrueJoint(
@@ -213,7 +214,7 @@ def _true_joint(joint: Joint, lower: float, upper: float) -> TrueJoint:
 
 
 def _true_drive(robot: Robot, name: str, profile: CanopenProfile, *, encoder: bool) -> TrueDrive:
-    """encoder: it has one at the link."""
+    """True drive; encoder: True if it has one at the link."""
     for entry, index in FIXED.items():
         where: Quantity = getattr(profile, entry)
         if where.object != index or where.sign != 1 or where.offset != 0.0:
@@ -237,7 +238,7 @@ def _true_drive(robot: Robot, name: str, profile: CanopenProfile, *, encoder: bo
 
 
 def _encoder(where: Quantity) -> TrueEncoder:
-    """value = sign * (offset + scale * counts), so it is 0 at -offset / scale counts."""
+    """True encoder: value = sign * (offset + scale * counts) is 0 at -offset / scale counts."""
     return TrueEncoder(
         object=where.object,
         subindex=where.subindex,
@@ -251,8 +252,8 @@ def _unit(where: Quantity) -> TrueUnit:
 
 
 def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
-    """Arm that is as its configuration says, with drives of a make that is known by its product
-    code: for rigs, which simulate what they configure. Raises ConfigurationError."""
+    """Arm that equals its configuration, with drives of a make known by product code, for rigs that
+    simulate what they configure. Raises ConfigurationError."""
     configuration = (robot.by_hand or robot).configuration
     model = robot.model
     profiles = {joint.wiring.profile for joint in configuration.joints}

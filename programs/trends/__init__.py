@@ -1,2 +1,1 @@
-"""Trends of the gears, day by day, gathered and written by a process of its own beside
-`contactd run`."""
+"""Daily trends of the gears, gathered and written by a separate process beside `contactd run`."""

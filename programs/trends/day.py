@@ -1,8 +1,8 @@
-"""Day record: the gears of one arm on one day (UTC), as a file of its own.
+"""Day record: the gears of one arm on one day (UTC), in a file of its own.
 
-Sums are kept, not means, so that a day that is begun again goes on. A file is written whole under
-another name and then renamed; one that is damaged is set aside, and reported. One of a day that has
-not come yet stays, and is left out: a clock was wrong, or is.
+Sums are stored instead of means, so that a day can be continued after a restart. Files are written
+atomically, by renaming; damaged ones are set aside and reported. Records of future days, which
+result from a wrong clock, stay but are ignored.
 """
 
 import contextlib
@@ -24,20 +24,20 @@ from common.regular_file import read_text
 DAYS_KEPT: Final = 800
 _NAME: Final = re.compile(r"^\d{4}-\d\d-\d\d\.json$")
 _DAMAGED: Final = ".damaged"
-# What a file may hold: sums beyond any day's are none, and their squares must stay numbers.
+# Bounds of a file's values: larger sums are impossible for a day, and squares must stay finite.
 _Amount = Annotated[float, Meta(ge=0.0, le=1e15)]
 _Total = Annotated[float, Meta(ge=-1e15, le=1e15)]
 
 
 class Sum(msgspec.Struct, forbid_unknown_fields=True):
-    """Weighted sum of a quantity: mean and spread of what was put in."""
+    """Weighted sums of a quantity, from which mean and spread follow."""
 
     weight: _Amount = 0.0
     first: _Total = 0.0
     second: _Amount = 0.0
 
     def put(self, value: float, weight: float = 1.0) -> None:
-        """Put a value in; nothing where it is no number."""
+        """Add a value, unless it is not finite."""
         if math.isfinite(value) and weight > 0.0:
             self.weight += weight
             self.first += weight * value
@@ -50,20 +50,20 @@ class Sum(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class JointDay(msgspec.Struct, forbid_unknown_fields=True):
-    """One joint on one day. Weights are seconds in motion, of gap and skew looks at two minutes."""
+    """One joint on one day. Weights: seconds in motion; for gap and skew, two-minute intervals."""
 
     moved_s: _Amount = 0.0
     friction: Sum = msgspec.field(default_factory=Sum)  # learned, over that of the configuration
-    half_gap: Sum = msgspec.field(default_factory=Sum)  # seen where the gap was crossed [rad]
-    skew_ms: Sum = msgspec.field(default_factory=Sum)  # of the link's encoder behind the motor's
-    forth: Sum = msgspec.field(default_factory=Sum)  # residual in motion of positive velocity [Nm]
-    back: Sum = msgspec.field(default_factory=Sum)  # ... of negative velocity
-    bound_s: _Amount = 0.0  # in motion, in which what was learned of it was at its bound
+    half_gap: Sum = msgspec.field(default_factory=Sum)  # from crossings of the gap [rad]
+    skew_ms: Sum = msgspec.field(default_factory=Sum)  # delay of link encoder behind the motor's
+    forth: Sum = msgspec.field(default_factory=Sum)  # residual at positive velocity [Nm]
+    back: Sum = msgspec.field(default_factory=Sum)  # residual at negative velocity [Nm]
+    bound_s: _Amount = 0.0  # time in motion with learned friction at its bound
 
     @property
     def remainder(self) -> float:
-        """Remainder of gravity: the residual that does not turn with the motion [Nm]; NaN where the
-        joint did not move both ways."""
+        """Remainder of gravity: the part of the residual that does not change sign with the motion
+        [Nm]; NaN unless the joint moved in both directions."""
         return 0.5 * (self.forth.mean + self.back.mean)
 
 
@@ -73,13 +73,13 @@ class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     version: Literal[1] = 1
     arm: str
     date: str  # UTC, 2026-11-23
-    identified: dict[str, str] = {}  # joint -> date of its friction or gap in identified.yaml
+    identified: dict[str, str] = {}  # date of friction or gap in identified.yaml, by joint
     joints: dict[str, JointDay] = msgspec.field(default_factory=dict)
 
 
 def gone_on(day: Day, identified: dict[str, str]) -> Day:
-    """A day that goes on by what is identified now, without what was gathered of a joint before its
-    identification: that was held against another friction and another gap."""
+    """Day to be continued with the present identification, without the sums of joints that were
+    identified since, which refer to another friction and gap."""
     same = {
         name: joint
         for name, joint in day.joints.items()
@@ -90,7 +90,7 @@ def gone_on(day: Day, identified: dict[str, str]) -> Day:
 
 @dataclass(frozen=True, slots=True)
 class Days:
-    """Days of an arm, in order; the files that are damaged; and why others were left out."""
+    """Days of an arm in order; damaged files; and reasons why others were ignored."""
 
     days: tuple[Day, ...]
     damaged: tuple[str, ...] = ()
@@ -98,12 +98,12 @@ class Days:
 
     @property
     def words(self) -> list[str]:
-        """Warnings about the files, a line for each."""
-        return [*(f"a damaged record: {name}" for name in self.damaged), *self.left_out]
+        """Warnings about the files, one line each."""
+        return [*(f"damaged record: {name}" for name in self.damaged), *self.left_out]
 
 
 def read_day(path: Path) -> Day | None:
-    """Record in a file; None where it is none. Raises OSError where it cannot be opened."""
+    """Record in a file; None if it is invalid. Raises OSError if it cannot be opened."""
     try:
         day = msgspec.json.decode(read_text(path), type=Day)
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError):
@@ -114,19 +114,19 @@ def read_day(path: Path) -> Day | None:
 def _is_date(iso: str) -> bool:
     try:
         date.fromisoformat(iso)
-    except ValueError:  # the 31st of June
+    except ValueError:  # e.g. the 31st of June
         return False
     return True
 
 
 def today() -> str:
-    """Date of now (UTC)."""
+    """Present date (UTC)."""
     return datetime.now(UTC).date().isoformat()
 
 
 def read_days(folder: Path, *, until: str, set_aside: bool = False) -> Days:
-    """All records of a folder up to the day `until`; set_aside: damaged ones get another name.
-    Raises LogError where the folder cannot be read; one that is not there has no records."""
+    """All records of a folder up to the day `until`; set_aside: rename damaged ones. Raises
+    LogError if the folder cannot be read; a missing folder has no records."""
     days, damaged, left_out = [], [], []
     try:
         names = sorted(os.listdir(folder))
@@ -144,16 +144,16 @@ def read_days(folder: Path, *, until: str, set_aside: bool = False) -> Days:
                 if day is None:
                     damaged.append(str(aside(path) if set_aside else path))
                 elif day.date > until:
-                    left_out.append(f"a record of a day to come (is the clock right?): {path}")
+                    left_out.append(f"record of a future day (is the clock right?): {path}")
                 else:
                     days.append(day)
             except OSError as error:
-                left_out.append(f"a record that cannot be read: {path}: {error.strerror}")
+                left_out.append(f"record cannot be read: {path}: {error.strerror}")
     return Days(tuple(days), tuple(damaged), tuple(left_out))
 
 
 def aside(path: Path) -> Path:
-    """Give a damaged file another name; returns it."""
+    """Rename a damaged file; returns the new path."""
     for k in range(100):
         other = path.with_name(f"{path.name}{f'.{k}' if k else ''}{_DAMAGED}")
         if not other.exists():
@@ -164,7 +164,7 @@ def aside(path: Path) -> Path:
 
 
 def write_day(folder: Path, day: Day) -> None:
-    """Write a record, whole or not at all, and forget the oldest. Raises LogError."""
+    """Write a record atomically, and delete records beyond DAYS_KEPT. Raises LogError."""
     path = folder / f"{day.date}.json"
     partial = ""
     try:

@@ -1,8 +1,8 @@
-"""Findings from day records: changes of each joint since it was identified, and where they lead.
+"""Findings from day records: changes of each joint since its identification, and their prognosis.
 
-A quantity is followed by least squares over the days since the joint was identified last. It is
-named where the change over these days is larger than what a gear does by itself, and clear: many
-times its standard error. Pure.
+The trend of a quantity is fitted by least squares over the days since the joint's last
+identification. It is reported if its change exceeds the normal variation of a gear, and is clear:
+many times its standard error. Pure functions.
 """
 
 import math
@@ -17,13 +17,13 @@ from programs.trends.day import Day, JointDay
 from programs.trends.gather import FRICTION_RANGE
 
 What = Literal["friction", "gap", "skew", "remainder"]
-#: Days with a figure below which nothing is reported of it, and how far back it is followed.
+#: Least number of days with a value for a trend, and number of past days that it covers.
 LEAST_DAYS, FOLLOWED_DAYS = 5, 60
 AHEAD_DAYS: Final = 30
-# Seconds of motion, or looks at the gap, that make a day count.
+# Seconds of motion, or intervals with a gap, from which on a day counts.
 _SECONDS, _LOOKS = 20.0, 0.5
-# A change is clear from so many standard errors on, and more of them while the days are few: their
-# scatter is not known well either.
+# A change is clear from so many standard errors on, and from more while there are few days, as
+# their scatter is then uncertain, too.
 _CLEAR, _FEW = 4.0, 4.0
 #: Time at a bound of the learning that is reported: seconds of a day, and share of its motion.
 BOUND_S, BOUND_SHARE = 30.0, 0.2
@@ -31,35 +31,35 @@ BOUND_S, BOUND_SHARE = 30.0, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity that is followed: its name and how it is shown, its value of a day, and weight;
-    what change of it counts."""
+    """Monitored quantity: its name and format, its value and weight on a day, and which change is
+    reported."""
 
     name: str
     label: str
-    """of an axis"""
+    """Label of a plot's axis."""
     column: str
-    """of a table"""
+    """Header of a table's column."""
     unit: str
     scale: float
-    """to this unit"""
+    """Factor to `unit`."""
     digits: int
     value: Callable[[JointDay], float]
     weight: Callable[[JointDay], float]
     least_weight: float
     share: float
-    """smallest change that is named, of the value it began with ..."""
+    """Smallest change that is reported, relative to the initial value ..."""
     least: float
-    """... and by itself"""
+    """... and absolute."""
     error: float
-    """of a day's value, at least"""
+    """Least standard error of a day's value."""
     bounds: tuple[float, float] = (-math.inf, math.inf)
-    """of what is learned, on both sides of `around`"""
+    """Bounds of the learned value, on both sides of `around`."""
     around: float = 0.0
     relative: bool = False
-    """A change is said as a share of the value it began with"""
+    """True if a change is reported relative to the initial value."""
 
     def shown(self, value: float, sign: str = "") -> str:
-        """Value in its unit."""
+        """Value in `unit`, as text."""
         return f"{self.scale * value:{sign}.{self.digits}f} {self.unit}"
 
 
@@ -87,7 +87,7 @@ QUANTITIES: Final[dict[What, Quantity]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trend:
-    """One quantity of one joint since `since`; `first` and `last` are of the fitted line."""
+    """Trend of one quantity of one joint since `since`; `first` and `last`: of the fitted line."""
 
     what: What
     since: str
@@ -96,40 +96,40 @@ class Trend:
     last: float
     per_day: float
     large: bool
-    """larger than what a gear does by itself"""
+    """True if the change exceeds the normal variation of a gear."""
     errors: float
-    """change over what of it would just be clear; of its error alone"""
+    """Ratio of the change to the one that is just clear by its standard error."""
     clear: bool
-    """large, and not its error"""
+    """True if the change is large and not due to its error."""
     bound_in_days: float | None = None
-    """until what is learned of it is at its bound, if it goes on so; None: not within a month"""
+    """Days until the learned value would reach its bound; None: not within AHEAD_DAYS."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointHealth:
-    """One joint: its trends, and how long it was at a bound of the learning on the last day."""
+    """Trends of one joint, and how long it was at a bound of the learning on the last day."""
 
     joint: str
     identified: str
-    """date of its identification, empty where it was not"""
+    """Date of its identification; empty if it was not identified."""
     trends: tuple[Trend, ...]
     at_bound_s: float
     moved_s: float
-    """in which it moved, on the last day"""
+    """Time in motion on the last day."""
 
     @property
     def at_bound(self) -> bool:
-        """True if what is learned of it was at its bound for much of the last day."""
+        """True if learned friction was at its bound for much of the last day's motion."""
         return self.at_bound_s > max(BOUND_S, BOUND_SHARE * self.moved_s)
 
     @property
     def named(self) -> tuple[Trend, ...]:
-        """Trends that are clear."""
+        """Clear trends."""
         return tuple(trend for trend in self.trends if trend.clear)
 
     @property
     def words(self) -> str:
-        """Warning about it; empty where there is none."""
+        """Warning about the joint; empty if there is none."""
         parts = [_in_words(trend) for trend in self.named]
         text = ", ".join(parts)
         if self.named:
@@ -137,20 +137,20 @@ class JointHealth:
             worn = {trend.what for trend in self.named} & {"friction", "gap"}
             text += ": identify again" + ("; grease or wear" if worn else "")
         more = [
-            f"{trend.what} reaches the bound of what is learned in {trend.bound_in_days:.0f} days"
+            f"{trend.what} reaches the bound of learning in {trend.bound_in_days:.0f} days"
             for trend in self.trends
             if trend.bound_in_days is not None
         ]
         if self.at_bound:
             more = [
-                f"what is learned is at its bound, for {self.at_bound_s:.0f} of the last day's "
+                f"learned friction is at its bound, for {self.at_bound_s:.0f} of the last day's "
                 f"{self.moved_s:.0f} s in motion" + ("" if self.named else ": identify again")
             ]
         return "; ".join([part for part in (text, *more) if part])
 
 
 def health(days: Sequence[Day]) -> tuple[JointHealth, ...]:
-    """Health of each joint of the last day's record, from records in order; empty without any."""
+    """Health of each joint in the last record, from records in order; empty without records."""
     if not days:
         return ()
     last = days[-1]
@@ -158,7 +158,7 @@ def health(days: Sequence[Day]) -> tuple[JointHealth, ...]:
 
 
 def warnings(days: Sequence[Day]) -> list[str]:
-    """Warnings, a line for each joint that has one."""
+    """Warnings, one line for each joint that has one."""
     return [f"{one.joint}: {one.words}" for one in health(days) if one.words]
 
 
@@ -178,15 +178,15 @@ def _joint(name: str, days: Sequence[Day], identified: str) -> JointHealth:
 
 
 def _worn(trends: Sequence[Trend | None]) -> list[Trend | None]:
-    """The same, with friction and gap both clear where both grow and are so together: a gear that
-    wears shows both."""
+    """Trends in which growing friction and gap count as clear if they are jointly significant, as a
+    gear that wears shows both."""
     both = [t for t in trends if t and t.what in ("friction", "gap") and t.large and t.per_day > 0]
     together = len(both) == 2 and math.hypot(both[0].errors, both[1].errors) > 1.0
     return [replace(t, clear=True) if t and together and t in both else t for t in trends]
 
 
 def _trend(what: What, followed: Sequence[tuple[str, JointDay]]) -> Trend | None:
-    """Trend of one quantity; None where there are too few days."""
+    """Trend of one quantity; None if there are too few days."""
     q = QUANTITIES[what]
     rows = [
         (date.fromisoformat(at).toordinal(), q.value(day))
@@ -222,7 +222,7 @@ def _trend(what: What, followed: Sequence[tuple[str, JointDay]]) -> Trend | None
 
 
 def _until_bound(q: Quantity, value: float, per_day: float) -> float | None:
-    """Days until a value that goes on so is at its bound; None where it is not within a month."""
+    """Days until a value with this trend reaches its bound; None if not within AHEAD_DAYS."""
     if per_day * (value - q.around) <= 0.0:
         return None
     days = max((q.bounds[per_day > 0.0] - value) / per_day, 0.0)

@@ -1,6 +1,6 @@
-"""Gathering of a day's record from the rows that the daemon sends, one for each tick.
+"""Computation of day records from the rows that the daemon sends, one per tick.
 
-Rows are taken in stretches without a gap. Pure: no I/O, no clock.
+Rows are processed in stretches without missing ticks. Pure: no I/O, no clock.
 """
 
 import warnings
@@ -27,21 +27,21 @@ from daemon.protocol.trend_row import (
 from identification.gap_in_motion import from_motion
 from programs.trends.day import Day, JointDay
 
-#: A look at gap and skew takes so much of a stretch [s], and needs so many crossings.
+#: Length of an interval in which gap and skew are evaluated [s], and crossings that it needs.
 LOOK_S: Final = 120.0
 CROSSINGS: Final = 4
-_SHORTEST_S: Final = 40.0
-_MOVES: Final = 0.05  # [rad/s]
-# Friction is known where less than this is left of its deviation.
+_SHORTEST_S: Final = 40.0  # least length of such an interval
+_MOVES: Final = 0.05  # least speed that counts as motion [rad/s]
+# Learned friction is used if less than this share of its initial standard deviation is left.
 _KNOWN: Final = 0.35
-# Least and most that is learned of friction, over what was identified (estimator/learning.py)...
+# Bounds of learned friction, over the identified one (estimator/learning.py)...
 FRICTION_RANGE: Final = (0.3, 2.2)
-# ...and how near to them it is there.
+# ...and the distance from them within which it counts as at the bound.
 _AT_BOUND: Final = 0.0035
 
 
 class Gatherer:
-    """Days of one arm that are being gathered, by date."""
+    """Accumulator of one arm's day records."""
 
     def __init__(
         self, arm: str, joints: Sequence[str], period_s: float, identified: dict[str, str]
@@ -52,7 +52,7 @@ class Gatherer:
         self._rows = 0
 
     def take(self, rows: Matrix, days: dict[str, Day]) -> None:
-        """Take rows (ticks, row_length) in order, and add to `days` what they show."""
+        """Add rows (ticks, row_length) in order to the records in `days`."""
         if not len(rows):
             return
         breaks = np.flatnonzero(np.diff(rows[:, TICK]) != 1.0) + 1
@@ -66,7 +66,7 @@ class Gatherer:
                 self._look(days)
 
     def end(self, days: dict[str, Day]) -> None:
-        """Take what is left."""
+        """Evaluate the last interval."""
         self._look(days)
 
     def _day(self, rows: Matrix, days: dict[str, Day]) -> Day:
@@ -83,7 +83,7 @@ class Gatherer:
         return column
 
     def _learned(self, rows: Matrix, day: Day) -> None:
-        """Add friction and remainder of each joint, in motion without contact."""
+        """Add friction and residual of each joint, in motion without contact, and times."""
         quiet = rows[:, QUIET] > 0.0
         for i, name in enumerate(self._joints):
             into = day.joints[name]
@@ -95,20 +95,20 @@ class Gatherer:
             if known.any():
                 seconds = self._period_s * int(np.count_nonzero(known))
                 into.friction.put(float(friction[known].mean()), seconds)
-            for sums, way in (
+            for sums, direction in (
                 (into.forth, moves & (speed > 0.0)),
                 (into.back, moves & (speed < 0)),
             ):
-                there = way & quiet
-                if there.any():
-                    seconds = self._period_s * int(np.count_nonzero(there))
-                    sums.put(float(residual[there].mean()), seconds)
+                used = direction & quiet
+                if used.any():
+                    seconds = self._period_s * int(np.count_nonzero(used))
+                    sums.put(float(residual[used].mean()), seconds)
             least, most = FRICTION_RANGE
             at = (friction < least + _AT_BOUND) | (friction > most - _AT_BOUND)
             into.bound_s += self._period_s * int(np.count_nonzero(moves & at))
 
     def _look(self, days: dict[str, Day]) -> None:
-        """Look at gap and skew of each joint in the stretch so far, and begin another."""
+        """Evaluate gap and skew of each joint in the present interval, and start another."""
         stretch, self._stretch, self._rows = self._stretch, [], 0
         rows = np.concatenate(stretch) if stretch else np.empty((0, 0))
         if len(rows) * self._period_s < _SHORTEST_S:

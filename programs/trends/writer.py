@@ -1,9 +1,9 @@
-"""Process that gathers the rows of the daemon and writes them, a record for each day.
+"""Process that gathers rows from the daemon and writes a record for each day.
 
     python -m programs.trends.writer '{"folder": ..., "arm": ..., "joints": [...], ...}'
 
-Rows come on standard input, as float64; the end of it is the end. On standard output goes a line of
-JSON whenever the warnings about the gears change: a list of them.
+It reads rows of float64 from standard input until that ends. Whenever the warnings about the gears
+change, it writes a list of them as a line of JSON to standard output.
 """
 
 import logging
@@ -31,17 +31,17 @@ _log = logging.getLogger("contactd")
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
-    """Parameters of the process: arm, joints, and the folder of the records."""
+    """Parameters of the process: arm, joints, and folder of the records."""
 
     folder: str
     arm: str
     joints: list[str]
     period_s: float
-    identified: dict[str, str]  # joint -> date
+    identified: dict[str, str]  # date by joint
 
 
 class Writer:
-    """Records of one arm; `take` and `write`, time as an argument."""
+    """Writer of one arm's records; time is an argument."""
 
     def __init__(self, job: Job, report: Callable[[list[str]], None]) -> None:
         self._folder, self._report = Path(job.folder), report
@@ -54,10 +54,10 @@ class Writer:
         self._report_changes()
 
     def take(self, data: bytes, time_s: float) -> None:
-        """Take bytes as they came, and write now and then."""
-        whole = len(self._rest) + len(data)
+        """Process received bytes, and write the records every WRITES_S."""
+        total = len(self._rest) + len(data)
         size = 8 * self._width
-        data, cut = self._rest + data, whole - whole % size
+        data, cut = self._rest + data, total - total % size
         self._rest = data[cut:]
         rows = np.frombuffer(data[:cut]).reshape(-1, self._width)
         if rows.size:
@@ -68,18 +68,18 @@ class Writer:
             self._written_s = time_s
 
     def end(self) -> None:
-        """Write what is left."""
+        """Evaluate and write the rest."""
         self._gatherer.end(self._days)
         if self._days:
             self.write()
 
     def write(self) -> None:
-        """Write all days that are being gathered, and go on with the last one alone."""
+        """Write all records, and continue with the last one alone."""
         try:
             for day in self._days.values():
                 write_day(self._folder, day)
         except LogError as error:
-            if str(error) != self._failed:  # once: the disk may be full for days
+            if str(error) != self._failed:  # logged once, as the disk may be full for days
                 _log.warning("trends are not written: %s", error)
             self._failed = str(error)
             return
@@ -89,7 +89,7 @@ class Writer:
         self._report_changes()
 
     def _begin(self, rows: np.ndarray) -> None:
-        """Go on with what is on disk of the days of these rows."""
+        """Continue existing records for the days of these rows."""
         for wall_s in {float(rows[0, 1]), float(rows[-1, 1])}:
             date = time.strftime("%Y-%m-%d", time.gmtime(wall_s))
             path = self._folder / f"{date}.json"
@@ -98,7 +98,7 @@ class Writer:
             try:
                 day = read_day(path)
                 if day is None:
-                    _log.warning("trends: a damaged record is set aside: %s", aside(path))
+                    _log.warning("trends: damaged record set aside: %s", aside(path))
                 else:
                     self._days[date] = gone_on(day, self._identified)
             except OSError as error:
@@ -120,7 +120,7 @@ def follow(job: Job, pipe: int, report: Callable[[list[str]], None]) -> None:
     """Gather and write until the pipe ends."""
     writer = Writer(job, report)
     while True:
-        # Some rows at once: a process that wakes for each would cost more than its work.
+        # Reads many rows at once, as waking for each would cost more than the work itself.
         time.sleep(0.5)
         select.select([pipe], [], [])
         data = os.read(pipe, 1 << 20)
@@ -135,12 +135,12 @@ def _print(found: list[str]) -> None:
         sys.stdout.buffer.write(msgspec.json.encode(found) + b"\n")
         sys.stdout.buffer.flush()
     except OSError:
-        pass  # the daemon is gone; the records are written all the same
+        pass  # the daemon is gone; the records are still written
 
 
 if __name__ == "__main__":
     os.nice(10)
-    # It ends with its pipe, after it has written: systemd signals all processes of a service.
+    # Ignored, as systemd signals all processes of a service; this one writes when its pipe ends.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     with log_to_stderr():
         follow(msgspec.json.decode(sys.argv[1], type=Job), sys.stdin.fileno(), _print)

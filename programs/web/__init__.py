@@ -1,1 +1,1 @@
-"""`contactd-web`: the page beside the arm. A process of its own, a client at the view socket."""
+"""`contactd-web`: server of the web page, a separate process and client of the view socket."""

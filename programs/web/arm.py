@@ -1,8 +1,8 @@
-"""One arm as the page shows it: its daemon's States, taken from the view socket and sent to every
-browser that watches it.
+"""One arm on the page: reads its daemon's States from the view socket and sends them to all
+browsers that show it.
 
-One subscription serves all browsers. States are taken 30 times a second, all that have come since;
-the kernel keeps them meanwhile, and no tick is lost.
+One subscription serves all browsers. Thirty times a second all States are read that have arrived;
+the kernel buffers them in between, so that no tick is lost.
 """
 
 import asyncio
@@ -24,13 +24,13 @@ from programs.web import frames, words
 from programs.web.audience import Audience, Browser
 
 FRAMES_PER_S: Final = 30.0
-PAST_S: Final = 20.0  # of curves that a browser is given when it comes
+PAST_S: Final = 20.0  # length of the curves that a new browser gets
 EVENTS_KEPT: Final = 300
 RETRY_S: Final = 0.25
-STATUS_EVERY_S: Final = 2.0  # while a browser watches; sooner where `_asks_anew` is true
-STATUS_SPACING_S: Final = 0.2  # between two, whatever changes
-SOUGHT: Final = 3  # States of a frame in which the point is sought, however late it is
-# A daemon that is frozen keeps its socket open.
+STATUS_EVERY_S: Final = 2.0  # while a browser watches; sooner if `_asks_anew` is true
+STATUS_SPACING_S: Final = 0.2  # least time between two requests
+SOUGHT: Final = 3  # last States of a frame in which a point of contact is sought
+# Timeout of States, as a frozen daemon keeps its socket open.
 SILENT_S: Final = 1.0
 
 _states = msgspec.json.Decoder(State)
@@ -38,13 +38,13 @@ _encode = msgspec.json.Encoder().encode
 
 
 def as_text(message: msgspec.Struct) -> str:
-    """The message as a browser gets it."""
+    """Message as JSON text for browsers."""
     return _encode(message).decode()
 
 
 class Arm:
-    """Arm number `number`, whose daemon's view socket is at `path`; `greet` makes a browser's first
-    message."""
+    """Arm number `number`, with its daemon's view socket at `path`; `greet` makes the first message
+    to a browser."""
 
     def __init__(self, number: int, path: Path, greet: Callable[["Arm"], words.Hello]) -> None:
         self.number, self.path, self._greet = number, path, greet
@@ -54,19 +54,19 @@ class Arm:
         self.words: words.Words | None = None
         self.advice: words.Advice | None = None
         self.why_gone = "not connected yet"
-        self.states = 0  # taken
-        self.lost = 0  # ticks between them that never came
+        self.states = 0  # received
+        self.lost = 0  # ticks missing between them
         self._last_tick = -1
         self._past: deque[bytes] = deque(maxlen=round(PAST_S * FRAMES_PER_S))
         self._events: deque[words.Event] = deque(maxlen=EVENTS_KEPT)
-        self._changed = asyncio.Event()  # the content of a Status did, or a browser came
+        self._changed = asyncio.Event()  # set if the Status may have changed, or a browser joined
         self._before: State | None = None
         self._finder: TouchFinder | None = None  # of the point of contact
 
     # --- browsers ---------------------------------------------------------------------------
 
     def join(self, browser: Browser) -> None:
-        """Give a browser all that it needs to begin, and everything from then on."""
+        """Send a browser the present state and the past, then everything from now on."""
         browser.text(as_text(self._greet(self)))
         for message in (self.words, self.advice):
             if message is not None:
@@ -81,7 +81,7 @@ class Arm:
         self._changed.set()
 
     def tell(self, event: words.Event) -> None:
-        """Add an event of the page itself to the log."""
+        """Add an event of the page itself to the event log."""
         self._add_events([event])
 
     def _add_events(self, news: list[words.Event]) -> None:
@@ -92,7 +92,7 @@ class Arm:
     # --- the daemon -------------------------------------------------------------------------
 
     async def follow(self) -> None:
-        """Take States for ever; whenever the daemon is gone, connect again."""
+        """Receive States forever; reconnect whenever the daemon is gone."""
         while True:
             try:
                 async with await Link.open(self.path) as link:
@@ -109,12 +109,12 @@ class Arm:
         if snapshot is None:
             raise ControlError(reply.refusal)
         if refusal := format_refusal(snapshot.format):
-            raise ControlError(f"the daemon speaks another version: its States are {refusal}")
+            raise ControlError(f"the daemon has another version: its States are {refusal}")
         self.snapshot, self.words, self.why_gone = snapshot, None, ""
         try:
             self._finder = TouchFinder.of(snapshot)
         except ModelError:
-            self._finder = None  # the browser says that it cannot be drawn
+            self._finder = None  # the browser reports that the arm cannot be drawn
         self._last_tick = -1
         self._before = None
         self._past.clear()
@@ -130,7 +130,7 @@ class Arm:
         self.why_gone = why
 
     async def _take(self, link: Link) -> None:
-        """Take what has come, 30 times a second, until the daemon is gone or silent."""
+        """Read what has arrived, 30 times a second, until the daemon is gone or silent."""
         loop = asyncio.get_running_loop()
         at_s = heard_s = loop.time()
         while True:
@@ -168,7 +168,7 @@ class Arm:
     # --- what the daemon has to be asked for ------------------------------------------------
 
     async def inquire(self) -> None:
-        """Ask for what arming needs, while a browser watches; sooner when something changed."""
+        """Request a Status periodically while a browser watches, and sooner after a change."""
         while True:
             try:
                 async with asyncio.timeout(STATUS_EVERY_S):
@@ -194,8 +194,8 @@ class Arm:
 
 
 def _asks_anew(before: State | None, now: State) -> bool:
-    """True where a Status of before differs from this State: mode, permission, or joints whose
-    residual exceeds its level."""
+    """True if mode, permission or the set of joints above their levels changed, so that the last
+    Status is outdated."""
     return before is None or _status_key(before) != _status_key(now)
 
 
@@ -204,5 +204,5 @@ def _status_key(state: State) -> tuple[str, bool, list[bool]]:
 
 
 def _with_length(frame: bytes) -> bytes:
-    """A frame after its length: many may be in one message."""
+    """Frame preceded by its length, as a message may contain several."""
     return len(frame).to_bytes(4, "little") + frame

@@ -1,13 +1,13 @@
-"""Bounded connections: so many in all and by address, none that stays longer than a request takes.
+"""Bounded connections: limits on their number, in total and by address, and on their duration.
 
-asyncio hands each accepted connection to a protocol; this one stands before aiohttp's. Each carries
-one request and is closed. So half a head, half a body, or an answer that is not read holds a place
-for so long and no longer; and a command never goes into a connection that was lost long ago, as it
-is when a phone changes its network.
+asyncio passes each accepted connection to a protocol; this one wraps aiohttp's. Each connection
+carries one request and is closed. An incomplete head or body, or an answer that is not read, thus
+occupies a place for a limited time only; and a command is never sent into a connection that was
+lost long ago, e.g. when a phone changed networks.
 
-Where an address has no place left, the oldest of its connections makes room, unless it carries a
-stream or a command: all users of one machine have one address, and connections that ask nothing
-must not keep a page from its stop.
+If an address has no place left, its oldest connection is dropped, unless it carries a stream or a
+command: all users of one computer share an address, and idle connections must not keep a page from
+stopping the arm.
 """
 
 import asyncio
@@ -18,21 +18,21 @@ from typing import Final
 
 from programs.web.guard import Places
 
-HEAD_S: Final = 5.0  # from connecting to the whole head of the request
-REQUEST_S: Final = 30.0  # from there to the end of the answer: the page over a very slow radio
-# Of answers that wait in the kernel: it would keep megabytes for a browser that does not read.
+HEAD_S: Final = 5.0  # timeout from connecting to the complete head of the request
+REQUEST_S: Final = 30.0  # timeout from there to the end of the answer, for very slow radio links
+# Limits the kernel's send buffer, which could hold megabytes for a browser that does not read.
 SEND_BUFFER_BYTES: Final = 1 << 16
 
 
 class Crowd:
-    """Connections that have a place, and of these the ones that make room, oldest first."""
+    """Connections that occupy places, and those of them that may be dropped, oldest first."""
 
     def __init__(self, places: Places) -> None:
         self._places = places
         self._movable: dict[BoundedConnection, str] = {}
 
     def enter(self, connection: "BoundedConnection", address: str) -> bool:
-        """Take a place for a newcomer, if need be another's; False if there is none."""
+        """Take a place for a new connection, if necessary by dropping another; False if full."""
         while not self._places.take(address):
             other = self._makes_room(address)
             if other is None:
@@ -52,28 +52,28 @@ class Crowd:
         self._places.leave(address)
 
     def keep(self, connection: "BoundedConnection") -> None:
-        """Let a connection keep its place."""
+        """Protect a connection from being dropped."""
         self._movable.pop(connection, None)
 
     def release(self, connection: "BoundedConnection", address: str) -> None:
-        """Let it make room again, as the newest."""
+        """Allow a connection to be dropped again, as the newest."""
         self._movable[connection] = address
 
 
 class BoundedConnection(asyncio.Protocol):
-    """Protocol that passes everything on to `inner`, while its connection has a place."""
+    """Protocol that forwards everything to `inner` while its connection has a place."""
 
     def __init__(self, inner: asyncio.Protocol, crowd: Crowd) -> None:
         self._inner, self._crowd = inner, crowd
-        self._transport: asyncio.Transport | None = None  # None: it never had a place
-        self._address: str | None = None  # None: it has no place
+        self._transport: asyncio.Transport | None = None  # None if it never had a place
+        self._address: str | None = None  # None if it has no place
         self._end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take a place, or hang up."""
         assert isinstance(transport, asyncio.Transport)
         peer = transport.get_extra_info("peername")
-        address = peer[0] if isinstance(peer, tuple) else ""  # all that come through a unix socket
+        address = peer[0] if isinstance(peer, tuple) else ""  # empty for unix sockets
         if not self._crowd.enter(self, address):
             transport.abort()
             return
@@ -89,27 +89,27 @@ class BoundedConnection(asyncio.Protocol):
         self._end = asyncio.get_running_loop().call_later(seconds, self._transport.abort)
 
     def asked(self) -> None:
-        """The whole head of the request is here."""
+        """Start the timeout of the request, whose head is complete."""
         if self._address is not None:
             self._end_in(REQUEST_S)
 
     def stay(self) -> None:
-        """Have no end but its own: a stream, or a large file."""
+        """Cancel the timeout, for a stream or a large file."""
         if self._end is not None:
             self._end.cancel()
 
     def keep(self) -> None:
-        """Make no room for others."""
+        """Protect the connection from being dropped."""
         if self._address is not None:
             self._crowd.keep(self)
 
     def release(self) -> None:
-        """Make room again."""
+        """Allow the connection to be dropped again."""
         if self._address is not None:
             self._crowd.release(self, self._address)
 
     def hang_up(self) -> None:
-        """Give the place back at once; the connection's end follows."""
+        """Give the place back and abort the connection."""
         if self._address is None or self._transport is None:
             return
         self._crowd.leave(self, self._address)
@@ -127,20 +127,20 @@ class BoundedConnection(asyncio.Protocol):
         self._inner.connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Pass it on."""
+        """Forward data."""
         if self._address is not None:
             self._inner.data_received(data)
 
     def eof_received(self) -> bool | None:
-        """Pass it on."""
+        """Forward the end of the data."""
         return None if self._address is None else self._inner.eof_received()
 
     def pause_writing(self) -> None:
-        """Pass it on."""
+        """Forward the signal."""
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
-        """Pass it on."""
+        """Forward the signal."""
         self._inner.resume_writing()
 
 
@@ -150,20 +150,20 @@ def _bounded(transport: asyncio.BaseTransport | None) -> BoundedConnection | Non
 
 
 def asked(transport: asyncio.BaseTransport | None) -> None:
-    """Let a connection that has asked last until its answer is read."""
+    """Start the request timeout of a connection whose request head is complete."""
     if connection := _bounded(transport):
         connection.asked()
 
 
 def stay(transport: asyncio.BaseTransport | None) -> None:
-    """Let a connection last longer than a request takes."""
+    """Let a connection last longer than the request timeout."""
     if connection := _bounded(transport):
         connection.stay()
 
 
 @contextlib.contextmanager
 def kept(transport: asyncio.BaseTransport | None) -> Iterator[None]:
-    """Inside the block the connection makes no room for others."""
+    """Context in which a connection is not dropped for others."""
     connection = _bounded(transport)
     if connection:
         connection.keep()
@@ -177,6 +177,6 @@ def kept(transport: asyncio.BaseTransport | None) -> Iterator[None]:
 def bounded(
     make: Callable[[], asyncio.Protocol], places: Places
 ) -> Callable[[], BoundedConnection]:
-    """Factory of bounded connections around those that `make` makes."""
+    """Factory of bounded connections around protocols made by `make`."""
     crowd = Crowd(places)
     return lambda: BoundedConnection(make(), crowd)

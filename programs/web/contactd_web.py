@@ -1,4 +1,4 @@
-"""`contactd-web`: the command line of the page beside the arm."""
+"""Command line of `contactd-web`."""
 # ruff: noqa: PLC0415 - aiohttp is an extra, and only a server needs it
 
 import os
@@ -23,7 +23,7 @@ EXTRA_OF = {"aiohttp": "web", "zenoh": "ros", "xxhash": "ros"}
     default="127.0.0.1",
     show_default=True,
     metavar="ADDRESS",
-    help="Address to listen at, or unix:PATH for a proxy on this machine.",
+    help="Address to listen on, or unix:PATH for a proxy on this computer.",
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=8420, show_default=True)
 @click.option(
@@ -31,29 +31,29 @@ EXTRA_OF = {"aiohttp": "web", "zenoh": "ros", "xxhash": "ros"}
     "hosts",
     multiple=True,
     metavar="NAME",
-    help="Name by which browsers ask for the page, beside those of this machine itself; may be "
-    "repeated. A port other than the usual one belongs to it: arm.example:8443.",
+    help="Host name in the page's URL, in addition to those of this computer; may be repeated. "
+    "Include a port that is not the default: arm.example:8443.",
 )
-@click.option("--tls", is_flag=True, help="A proxy before it speaks TLS: the page is https.")
-@click.option("--read-only", is_flag=True, help="Show only: no stop, no disarm, no recording.")
+@click.option("--tls", is_flag=True, help="A proxy in front provides TLS: the URL is https.")
+@click.option("--read-only", is_flag=True, help="Only show: no stop, no disarm, no recording.")
 @click.option(
     "--token-file",
     type=PATH,
     metavar="FILE",
-    help="File with the token that a browser is asked for once; at least 16 characters.",
+    help="File with the token that each browser must enter once; at least 16 characters.",
 )
 @click.option(
     "--recordings",
     type=PATH,
     metavar="FOLDER",
-    help="Where recordings go; by default into the state directory.",
+    help="Folder for recordings; by default in the state directory.",
 )
-@click.option("--no-recordings", is_flag=True, help="Record nothing.")
+@click.option("--no-recordings", is_flag=True, help="Do not offer recording.")
 @click.option(
     "--fleet",
     metavar="ENDPOINT|FILE.json5",
-    help="Show the arms of other machines, too, and stop them: those that a Zenoh router knows, as "
-    "`contactd fleet` does (tcp/HOST:7447, or a file with a Zenoh configuration).",
+    help="Also show, and stop, arms of other computers at a Zenoh router, as `contactd fleet` does "
+    "(tcp/HOST:7447, or a file with a Zenoh configuration).",
 )
 @click.option(
     "--domain", type=click.IntRange(0, 232), default=0, help="ROS_DOMAIN_ID of --fleet; 0."
@@ -82,8 +82,8 @@ def main(
     """Serve a page that shows an arm and its contacts, and can stop it.
 
     VIEW_SOCKET is the view socket of a daemon (contactd-view.sock), one for each arm; by default
-    that beside the usual control socket. The page can stop and disarm, and nothing else: it is not
-    an emergency stop. Other machines have no access unless --bind opens it; then give a
+    that beside the default control socket. The page can only stop and disarm: it is not an
+    emergency stop. Other computers have no access unless --bind permits it; then use a
     --token-file, and read docs/page.md.
 
     Exit status: 0 ended by a signal, 2 usage, 69 cannot listen there, 78 wrong configuration.
@@ -113,13 +113,13 @@ def main(
         extra = EXTRA_OF.get((error.name or "").split(".")[0])
         if extra is None:
             raise
-        _end(ConfigurationError(f"it needs the extra `{extra}`: pip install 'contactd[{extra}]'"))
+        _end(ConfigurationError(f"needs the extra `{extra}`: pip install 'contactd[{extra}]'"))
     except ContactdError as error:
         _end(error)
 
 
 def state_folder() -> Path:
-    """Folder for recordings: below the service's state directory, or the user's."""
+    """Folder for recordings, in the state directory of the service or the user."""
     if service := os.environ.get("STATE_DIRECTORY"):
         return Path(service.split(":")[0]) / "recordings"
     home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state"

@@ -1,7 +1,7 @@
-"""Arms of other machines on the page, as a Zenoh router knows them, and stops for them.
+"""Arms of other computers on the page: shows those at a Zenoh router, and stops them.
 
-The same as `contactd fleet` shows and does, and no more. Waiting for the router, and for answers,
-is done in threads: the page goes on without.
+Equivalent to `contactd fleet`. Waiting for the router and for answers is done in threads, so that
+the page is not delayed.
 """
 
 import asyncio
@@ -20,13 +20,13 @@ from programs.zenoh.names import Distro
 from programs.zenoh.supervisor import Supervisor, supervising
 
 MOST_SHOWN: Final = 64
-MOST_STOPS: Final = 8  # that wait for their answers at once
+MOST_STOPS: Final = 8  # stops that wait for answers at once
 RETRY_S: Final = 5.0
 
 
 class Router:
-    """Router where other arms are, from construction to `close`: `where` is an endpoint or a file
-    with a Zenoh configuration. Raises ConfigurationError for what is neither."""
+    """Connection to a Zenoh router, from construction to `close`. `where`: an endpoint or a file
+    with a Zenoh configuration. Raises ConfigurationError for anything else."""
 
     def __init__(self, where: str, domain: int, distro: str) -> None:
         self._file = Path(where) if where.endswith(".json5") else None
@@ -41,20 +41,20 @@ class Router:
         threading.Thread(target=self._listen, name="elsewhere", daemon=True).start()
 
     def close(self) -> None:
-        """End; who waits for an answer gets none."""
+        """Disconnect; pending stops get no answer."""
         self._ended.set()
         self._stops.shutdown(wait=False, cancel_futures=True)
 
     def shown(self) -> Elsewhere:
-        """All arms, as of now."""
+        """Present state of all arms."""
         supervisor = self._supervisor
         if supervisor is None:
             return Elsewhere(self._why, [])
         return shown_of(supervisor.arms(), time.monotonic())
 
     async def stop(self, name: str) -> Mapping[str, Outcome] | None:
-        """Stop the arm of this name, or with an empty one all that are alive; returns the outcome
-        of each. None where too many stops wait."""
+        """Stop the arm of this name, or for an empty name all that are alive; returns the outcome
+        of each, or None if too many stops are pending."""
         supervisor = self._supervisor
         if supervisor is None:
             return {name: Outcome("no answer", self._why)} if name else {}
@@ -84,9 +84,9 @@ class Router:
 
 
 def shown_of(arms: Sequence[Arm], now_s: float) -> Elsewhere:
-    """These arms, and how many there are beyond those that have room."""
+    """Message with at most MOST_SHOWN arms, and the number of others."""
     more = len(arms) - MOST_SHOWN
-    why = f"{more} more are known, and stopped with all of them: `contactd fleet` shows them."
+    why = f"{more} more arms are not shown, but are stopped with all: `contactd fleet` shows them."
     return Elsewhere(why if more > 0 else "", [_other(arm, now_s) for arm in arms[:MOST_SHOWN]])
 
 

@@ -1,4 +1,4 @@
-"""HTTP route of arms elsewhere: stop one, or all that are alive."""
+"""HTTP route that stops one arm, or all that are alive, on other computers."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -11,26 +11,26 @@ from programs.web.words import Elsewhere, Outcome, Outcomes
 
 
 class Others(Protocol):
-    """Arms of other machines; `Router` of `elsewhere.py`, which needs an extra, is one."""
+    """Interface to arms of other computers; `Router` of `elsewhere.py`, an extra, implements it."""
 
     def shown(self) -> Elsewhere:
-        """All of them, as of now."""
+        """Present state of all arms."""
 
     async def stop(self, name: str) -> Mapping[str, Outcome] | None:
-        """Stop one, or with an empty name all that are alive; None where too many stops wait."""
+        """Stop one arm, or for an empty name all; None if too many stops are pending."""
 
     def close(self) -> None:
-        """End."""
+        """Disconnect."""
 
 
 class ElsewhereRoutes:
-    """Route to them."""
+    """Route to the arms of other computers."""
 
     def __init__(self, others: Others) -> None:
         self._others = others
 
     def add_to(self, router: web.UrlDispatcher) -> None:
-        """Answer it; `command` is what the request's own header has to say, too."""
+        """Register the route; the request's header must repeat `command`."""
         router.add_post("/elsewhere/{command:stop}", self._stop)
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
@@ -39,5 +39,5 @@ class ElsewhereRoutes:
             return refused(Refusal(404, "no such arm elsewhere"))
         found = await self._others.stop(name)
         if found is None:
-            return refused(Refusal(503, "too many stops wait for their answers"))
+            return refused(Refusal(503, "too many stops are waiting for answers"))
         return as_json(Outcomes(dict(found)))

@@ -1,8 +1,8 @@
-"""Binary frames of the page: some ticks of one arm, packed small. Pure; `page/src/frames.js` reads
-them.
+"""Binary frames of the page: several ticks of one arm. Pure functions; decoded by
+`page/src/frames.js`.
 
-Little-endian. A header, then the ticks; of each its scalars, a byte of flags for each joint, and
-the vectors of `VECTORS`, one float32 per joint. Seven joints take 172 bytes a tick.
+Little-endian. A header is followed by the ticks, each with scalars, a byte of flags per joint, and
+the vectors of `VECTORS`, one float32 per joint. Seven joints take 172 bytes per tick.
 """
 
 import struct
@@ -17,19 +17,19 @@ MODES: Final = tuple(Mode)
 SIDES: Final = ("left", "gap", "right", "unknown")
 VECTORS: Final = ("residual", "threshold", "phi", "phi_sigma", "link_position")
 
-# version, 1 if these ticks are of the past, joints, ticks, deadlines missed since the start,
-# CLOCK_MONOTONIC of the last tick [s], time of the first since the loop's start [s], Unix time of
-# the last [s], lease left after the last [s] (NaN: not armed)
+# version, 1 for past ticks, number of joints, number of ticks, deadlines missed since the start,
+# CLOCK_MONOTONIC of the last tick [s], loop time of the first [s], Unix time of the last [s],
+# remaining lease at the last [s] (NaN: not armed)
 HEADER: Final = struct.Struct("<BBBxHxxI4d")
-# tick, time since the first [s], quiet time, wake-up late by, work [s], mode, flags
+# tick, time since the first tick, quiet time, lateness of the wake-up, work [s], mode, flags
 TICK: Final = struct.Struct("<I4fBBxx")
 ARMED, MOVING = 1, 2
-# Flags of a joint; the two lowest bits are its side.
+# Flags of a joint; the two lowest bits encode its side.
 SENSING, FRESH, TOUCHED, COLLISION, UNPROVED = 4, 8, 16, 32, 64
 
 
 def encode(states: Sequence[State], joints: Sequence[str], *, past: bool = False) -> bytes:
-    """Frame of at least one State, all of them of these joints."""
+    """Frame of at least one State, all with these joints."""
     first, last = states[0], states[-1]
     left_s = last.permit.left_s if last.permit else float("nan")
     head = HEADER.pack(
@@ -56,7 +56,7 @@ def encode(states: Sequence[State], joints: Sequence[str], *, past: bool = False
 
 
 def as_past(frame: bytes) -> bytes:
-    """The same frame, marked as what was."""
+    """Copy of a frame, marked as past."""
     return frame[:1] + b"\x01" + frame[2:]
 
 
@@ -78,8 +78,8 @@ def _tick(state: State, begin_s: float) -> bytes:
 
 
 def _joint_flags(state: State, joints: Sequence[str]) -> list[int]:
-    """Flags by joint. A joint without a field `sensing` counts as sensing: older recordings and
-    daemons do not have it."""
+    """Flags by joint. Without the field `sensing`, which older daemons lack, joints count as
+    sensing."""
     collided = {
         notice.contact.joint
         for notice in state.notices

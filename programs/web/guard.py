@@ -1,10 +1,9 @@
-"""Access rules of `contactd-web`: hosts, origins, token, and how often. Pure; time is
-an argument.
+"""Access rules of `contactd-web`: hosts, origins, token, rate limits. Pure; time is an argument.
 
-A page in a browser of this network is not to be trusted because the browser is: any site that a
-person visits may send requests here. So the Host must be one of ours (a foreign name that was made
-to point here is none: 421), the Origin must be ours wherever a browser sends one and always for
-what changes something (403), and commands carry a header that no form can send.
+Requests from a browser in this network cannot be trusted, as any site that a user visits may cause
+them. The Host must therefore be one of ours, which excludes DNS rebinding (421); the Origin must be
+ours if there is one, and is required for whatever changes something (403); and commands need a
+header that no form can send.
 """
 
 import hashlib
@@ -15,9 +14,9 @@ from typing import Final
 
 COMMAND_HEADER: Final = "X-Contactd-Command"
 COOKIE: Final = "contactd"
-WRONG_TOKENS: Final = 5  # of one address, within
+WRONG_TOKENS: Final = 5  # allowed from one address within WRONG_TOKENS_S
 WRONG_TOKENS_S: Final = 60.0
-MOST_ADDRESSES: Final = 1000  # that gave wrong ones; beyond, no token is heard until some are old
+MOST_ADDRESSES: Final = 1000  # with wrong tokens; at more, all tokens are refused until some expire
 LEAST_TOKEN: Final = 16  # characters
 HEADERS: Final[Mapping[str, str]] = {
     "Cache-Control": "no-store",
@@ -47,7 +46,7 @@ HEADERS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """HTTP status and reason."""
+    """Refusal of a request, with HTTP status and reason."""
 
     status: int
     text: str
@@ -55,9 +54,9 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Doorstep:
-    """Hosts by which the page may be asked for, and whether a proxy with TLS stands before it."""
+    """Rules on Host and Origin: allowed hosts, and whether a proxy in front provides TLS."""
 
-    hosts: frozenset[str]  # as in a Host header, with the port where it is not the usual one
+    hosts: frozenset[str]  # as in a Host header, with the port unless it is the default
     tls: bool = False
 
     def refusal(self, method: str, headers: Mapping[str, str], *, upgrades: bool) -> Refusal | None:
@@ -65,20 +64,20 @@ class Doorstep:
         host = headers.get("Host", "").lower()
         if host not in self.hosts:
             known = ", ".join(sorted(self.hosts))
-            return Refusal(421, f"this page is not known by that name; it is known as {known}")
+            return Refusal(421, f"this page has no such host name; allowed: {known}")
         origin = headers.get("Origin")
         if origin is None and method in ("GET", "HEAD") and not upgrades:
             return None
         scheme = "https" if self.tls else "http"
         if origin is None or origin.lower() != f"{scheme}://{host}":
-            return Refusal(403, "asked from another site")
+            return Refusal(403, "request from another site")
         if headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-            return Refusal(403, "asked from another site")
+            return Refusal(403, "request from another site")
         return None
 
 
 def command_refusal(command: str, headers: Mapping[str, str]) -> Refusal | None:
-    """Reason why a request is not such a command: its header must name it."""
+    """Refusal of a request whose header does not name the command; None if it does."""
     if headers.get(COMMAND_HEADER) == command:
         return None
     return Refusal(403, f"a command needs the header {COMMAND_HEADER}: {command}")
@@ -86,24 +85,24 @@ def command_refusal(command: str, headers: Mapping[str, str]) -> Refusal | None:
 
 @dataclass(slots=True)
 class TokenCheck:
-    """Token that a person gives once per browser; the cookie proves it from then on. With an
-    empty token none is needed."""
+    """Check of the token, which a user enters once per browser and a cookie proves afterwards. With
+    an empty token, none is needed."""
 
     token: str
     _wrong: dict[str, list[float]] = field(default_factory=dict)  # times, by address
 
     @property
     def cookie(self) -> str:
-        """Value of the cookie: made from the token, which it does not reveal."""
+        """Value of the cookie, derived from the token without revealing it."""
         return hmac.new(self.token.encode(), b"contactd-web cookie 1", hashlib.sha256).hexdigest()
 
     def admits(self, cookie: str) -> bool:
-        """True if this cookie is ours, or none is needed."""
+        """True if this cookie is valid, or none is needed."""
         return not self.token or hmac.compare_digest(cookie.encode(), self.cookie.encode())
 
     def enter(self, token: str, address: str, time_s: float) -> Refusal | None:
-        """Refusal of a token that was given, None if it is the one. An address that gave too many
-        wrong ones is not heard for a while, whatever it gives."""
+        """Refusal of an entered token, None if it is right. An address with too many wrong tokens
+        is refused for WRONG_TOKENS_S, even with the right one."""
         self._forget(time_s)
         wrong = self._wrong.get(address, [])
         if len(wrong) >= WRONG_TOKENS or len(self._wrong) >= MOST_ADDRESSES:
@@ -121,14 +120,14 @@ class TokenCheck:
 
 @dataclass(slots=True)
 class Places:
-    """Connections that are open, in all and by address."""
+    """Counts of open connections, in total and by address."""
 
     most: int
     most_of_one: int
     _open: dict[str, int] = field(default_factory=dict)
 
     def take(self, address: str) -> bool:
-        """Take a place for a connection of `address`; False if there is none for it."""
+        """Take a place for a connection from `address`; False if there is none."""
         mine = self._open.get(address, 0)
         if mine >= self.most_of_one or sum(self._open.values()) >= self.most:
             return False
@@ -136,7 +135,7 @@ class Places:
         return True
 
     def may_have_more(self, address: str) -> bool:
-        """True if it is not `address` itself that has too many."""
+        """True if `address` has not reached its own limit."""
         return self._open.get(address, 0) < self.most_of_one
 
     def leave(self, address: str) -> None:
@@ -147,8 +146,8 @@ class Places:
 
 
 def hosts_of(names: list[str], port: int | None) -> frozenset[str]:
-    """Host headers by which the page is asked for: each name, with the port unless it is usual;
-    port None: a proxy decides, and the usual ones are left out."""
+    """Allowed Host headers: each name, with the port unless it is the default; port None: without
+    port, as for a proxy at the default port."""
     shown = [f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names]
     if port is None or port == 80:
         return frozenset(name.lower() for name in shown)

@@ -1,4 +1,4 @@
-"""HTTP routes of the page: its built files, and the form that asks for the token."""
+"""HTTP routes of the page: its built files, and the form for the token."""
 
 import html
 import time
@@ -23,7 +23,7 @@ ACCESS_YEAR_S: Final = 365 * 86400
 
 
 class PageRoutes:
-    """Routes to the built files; `address_of` is where a request comes from."""
+    """Routes to the built files; `address_of` returns the address that a request comes from."""
 
     def __init__(
         self, token: TokenCheck, address_of: Callable[[web.Request], str], *, tls: bool
@@ -32,7 +32,7 @@ class PageRoutes:
         self._files = {path.name: path.read_bytes() for path in BUILT.iterdir()}
 
     def add_to(self, router: web.UrlDispatcher) -> None:
-        """Answer these routes; the last one takes every name that no route before it has."""
+        """Register the routes; the last one matches all names that no earlier route has."""
         router.add_get("/", self._index)
         router.add_post("/enter", self._enter)
         router.add_get("/{file}", self._file)
@@ -44,12 +44,12 @@ class PageRoutes:
         return self._built("index.html" if admitted else "enter.html")
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
-        # As the form sends it; what else there is for forms, a stranger must not choose.
+        # Only the encoding that our form uses; a stranger must not choose another.
         form = parse_qs((await request.read()).decode("ascii", "replace"))
         return self._let_in(request, form.get("token", [""])[0])
 
     def _let_in(self, request: web.Request, token: str) -> web.StreamResponse:
-        """Give the cookie to a browser with the token, and show the page without it in the URL."""
+        """Set the cookie of a browser with the right token, and redirect to a URL without it."""
         if self._token.token:
             address = self._address_of(request)
             if refusal := self._token.enter(token.strip(), address, time.monotonic()):
@@ -67,7 +67,7 @@ class PageRoutes:
         return response
 
     def _asked_again(self, refusal: Refusal) -> web.StreamResponse:
-        """The form for the token, with why the last one was refused."""
+        """Form for the token, with the reason of the last refusal."""
         why = f'<p role="alert">{html.escape(refusal.text.capitalize())}.</p>'.encode()
         body = self._files["enter.html"].replace(b"<!-- refusal -->", why)
         return web.Response(status=refusal.status, body=body, content_type="text/html")

@@ -1,4 +1,4 @@
-"""HTTP routes of recordings: list, begin, end, download, delete."""
+"""HTTP routes of recordings: list, start, end, download, delete."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +20,7 @@ class RecordingRoutes:
         self._recorder, self._arm_of = recorder, arm_of
 
     def add_to(self, router: web.UrlDispatcher) -> None:
-        """Answer these routes; `command` is what the request's own header has to say, too."""
+        """Register the routes; the request's header must repeat `command`."""
         router.add_get("/recordings", self._list)
         router.add_post("/arms/{arm:[0-9]{1,3}}/{command:record}", self._begin)
         router.add_post("/recordings/{command:end}", self._end)
@@ -52,7 +52,7 @@ class RecordingRoutes:
         try:
             self._file(request).unlink(missing_ok=True)
         except OSError as error:
-            return refused(Refusal(409, f"cannot delete it: {error.strerror}"))
+            return refused(Refusal(409, f"cannot delete the recording: {error.strerror}"))
         return as_json(self._recorder.shown())
 
     def _file(self, request: web.Request) -> Path:

@@ -1,6 +1,6 @@
-"""Recordings that are made from the page: bounded in time and size, in one folder.
+"""Recordings made from the page: bounded in duration and size, in one folder.
 
-`clients/recorder.py` writes them, in a thread: the same files as `contactctl record`.
+`clients/recorder.py` writes them in a thread, in the format of `contactctl record`.
 """
 
 import asyncio
@@ -18,27 +18,27 @@ from programs.clients.recorder import Recording, record
 from programs.web.words import RecordedFile, Recordings
 
 LONGEST_S: Final = 600.0
-MOST_BYTES: Final = 256 << 20  # of one file
-ROOM_BYTES: Final = 1 << 30  # of all
-DISK_LEFT_BYTES: Final = 1 << 30  # never touched: others need it
-LOOKS_EVERY: Final = 50  # ticks
+MOST_BYTES: Final = 256 << 20  # size limit of one file
+ROOM_BYTES: Final = 1 << 30  # size limit of all files
+DISK_LEFT_BYTES: Final = 1 << 30  # left free for others
+LOOKS_EVERY: Final = 50  # ticks between checks of the limits
 _NAME: Final = re.compile(r"[A-Za-z0-9_.-]+\.mcap")
 
 
 @dataclass(slots=True)
 class _Running:
-    """The recording that is being made."""
+    """Recording in progress."""
 
     path: Path
     begun_s: float
     most_bytes: int
     stop: threading.Event = field(default_factory=threading.Event)
-    bound: str = ""  # that ended it
+    bound: str = ""  # words on the limit that ended it
     done: "asyncio.Future[Recording] | None" = None
 
 
 class Recorder:
-    """Recordings in `folder`, which is made when it is needed; one at a time."""
+    """Recorder into `folder`, which is created when needed; makes one recording at a time."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,8 +46,8 @@ class Recorder:
         self._said = ""
 
     def start(self, view_socket: Path, arm: str) -> None:
-        """Begin to record the States of a daemon. Raises LogError where there is one already, and
-        where there is no room."""
+        """Start to record the States of a daemon. Raises LogError if another recording is in
+        progress, or there is no room."""
         if self._running is not None:
             raise LogError(f"{self._running.path.name} is being recorded")
         try:
@@ -67,12 +67,12 @@ class Recorder:
         running.done.add_done_callback(self._ended)
 
     def stop(self) -> None:
-        """End the recording, if there is one."""
+        """End the recording in progress, if any."""
         if self._running is not None:
             self._running.stop.set()
 
     async def close(self) -> None:
-        """End the recording and wait until its file is complete."""
+        """End the recording in progress, and wait until its file is complete."""
         self.stop()
         if self._running is not None and self._running.done is not None:
             await asyncio.wait([self._running.done])
@@ -91,7 +91,7 @@ class Recorder:
         self._said = f"{name}: {made.duration_s:.1f} s, {made.states} states{lost}{why}"
 
     def shown(self) -> Recordings:
-        """Recordings as the page shows them, newest first."""
+        """Message for the page on all recordings, newest first."""
         files = sorted(self._files(), key=_modified, reverse=True)
         running = self._running
         try:
@@ -112,7 +112,7 @@ class Recorder:
         )
 
     def file(self, name: str) -> Path | None:
-        """File of a complete recording of this name; None if there is none."""
+        """Path of a complete recording of this name; None if there is none."""
         running = self._running.path.name if self._running else ""
         if name == running or not _NAME.fullmatch(name):
             return None
@@ -124,7 +124,7 @@ class Recorder:
         return [path for path in self.folder.glob("*.mcap") if path.is_file()]
 
     def _room(self) -> int:
-        """Bytes that recordings may still take; raises OSError where the folder cannot be read."""
+        """Bytes that recordings may still take. Raises OSError if the folder cannot be read."""
         place = self.folder
         while not place.exists():
             place = place.parent
@@ -147,13 +147,13 @@ def _modified(path: Path) -> float:
 
 
 def _bound(running: _Running) -> str:
-    """The bound that a recording has come to, in words; empty: none."""
+    """Words on the limit that a recording has reached; empty if none."""
     if time.monotonic() - running.begun_s >= LONGEST_S:
-        return f"ended after {LONGEST_S / 60:.0f} minutes, which is the longest"
+        return f"ended after {LONGEST_S / 60:.0f} minutes, the maximum length"
     if _size(running.path) >= running.most_bytes:
-        return f"ended at {running.most_bytes / 1e6:.1f} MB, which is all the room that it had"
+        return f"ended at {running.most_bytes / 1e6:.1f} MB, the maximum size"
     if shutil.disk_usage(running.path.parent).free < DISK_LEFT_BYTES:
-        return f"ended: others need the last {DISK_LEFT_BYTES / 1e9:.1f} GB of the disk"
+        return f"ended: the last {DISK_LEFT_BYTES / 1e9:.1f} GB of the disk are reserved"
     return ""
 
 

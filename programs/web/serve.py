@@ -1,4 +1,4 @@
-"""Start and end of the page's server: where it listens, and what the command line gave."""
+"""Start and end of the page's server: its settings from the command line, and its socket."""
 
 import asyncio
 import contextlib
@@ -42,20 +42,20 @@ def settings_of(
     token_file: Path | None,
     recordings: Path | None,
 ) -> Settings:
-    """Settings from the command line. Raises ConfigurationError for what does not fit together."""
+    """Settings from the command line. Raises ConfigurationError for invalid combinations."""
     proxied = bind.startswith(UNIX)
     if twice := [path for path in view_sockets if view_sockets.count(path) > 1]:
-        raise ConfigurationError(f"{twice[0]}: given twice; one tab for each arm")
+        raise ConfigurationError(f"{twice[0]}: given twice; each arm has one tab")
     for name in hosts:
         if not _HOST.fullmatch(name):
             raise ConfigurationError(
-                f"--host {name}: a name or an address, [in brackets] if it has colons, and perhaps "
-                ":PORT behind it"
+                f"--host {name}: must be a name or an address, [in brackets] if it has colons, "
+                "optionally followed by :PORT"
             )
     if proxied and not hosts:
         raise ConfigurationError("--bind unix:PATH: --host is required: the proxy's public name")
     if tls and not proxied:
-        raise ConfigurationError("--tls: the proxy reaches it by --bind unix:PATH")
+        raise ConfigurationError("--tls: requires --bind unix:PATH, where the proxy connects")
     if not proxied and bind not in LOOPBACK and not hosts and bind in ANYWHERE:
         raise ConfigurationError(
             f"--bind {bind}: --host is required: the name or address in the browsers' URL"
@@ -63,7 +63,7 @@ def settings_of(
     token = _read_token(token_file) if token_file else ""
     if not token and not read_only and (proxied or bind not in LOOPBACK):
         raise ConfigurationError(
-            f"--bind {bind}: others could stop the arm; give a --token-file, or --read-only"
+            f"--bind {bind}: others could stop the arm; use --token-file or --read-only"
         )
     own = [] if proxied or bind in ANYWHERE else [bind]
     names = {*LOOPBACK, *own} if not proxied else set()
@@ -88,20 +88,20 @@ def _has_port(name: str) -> bool:
 
 
 def _read_token(path: Path) -> str:
-    """Token in a file. Raises ConfigurationError where it cannot be read, others may read it, or it
-    is too short."""
+    """Token in a file. Raises ConfigurationError if the file cannot be read, or others may read it,
+    or for an invalid token."""
     try:
         text = path.read_text().strip()
         mode = path.stat().st_mode
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: cannot be read: it is no text") from error
+        raise ConfigurationError(f"{path}: cannot be read: it is not text") from error
     if mode & (stat.S_IROTH | stat.S_IWOTH):
-        raise ConfigurationError(f"{path}: everybody may read it; chmod 640 {path}")
+        raise ConfigurationError(f"{path}: is readable for all users; chmod 640 {path}")
     if len(text) < LEAST_TOKEN or not text.isascii() or any(c.isspace() for c in text):
         raise ConfigurationError(
-            f"{path}: a token has at least {LEAST_TOKEN} ASCII characters and no spaces "
+            f"{path}: a token must have at least {LEAST_TOKEN} ASCII characters and no spaces "
             f"(openssl rand -hex 16)"
         )
     return text
@@ -115,7 +115,7 @@ def serve(
 ) -> None:
     """Serve until SIGTERM or SIGINT."""
     with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICE)  # never against the loop
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)  # lower priority than the daemon's loop
     asyncio.run(_serve(settings, listener, say, others))
 
 
@@ -135,9 +135,9 @@ def listen(bind: str, port: int) -> socket.socket:
         listener.listen(64)
     except OSError as error:
         where = bind if bind.startswith(UNIX) else f"{bind} port {port}"
-        number = error.errno or 0  # below zero: of a name that was looked up, not of the system
+        number = error.errno or 0  # negative for errors of name resolution
         why = os.strerror(number) if number > 0 else "no such address" if number else str(error)
-        raise UnreachableError(f"cannot listen at {where}: {why}") from error
+        raise UnreachableError(f"cannot listen on {where}: {why}") from error
     return listener
 
 
@@ -145,14 +145,14 @@ def listen(bind: str, port: int) -> socket.socket:
 async def serving(
     settings: Settings, listener: socket.socket, others: Others | None = None
 ) -> AsyncIterator[Site]:
-    """The page's server, at `listener` while the block lasts."""
+    """Context in which the page's server runs at `listener`."""
     site = Site(settings, others)
     runner = web.AppRunner(
         site.application(),
         access_log=None,
         handle_signals=False,
         shutdown_timeout=END_S,
-        auto_decompress=False,  # no browser packs what it asks; others pack gigabytes small
+        auto_decompress=False,  # browsers do not compress requests; it guards against zip bombs
     )
     await runner.setup()
     assert runner.server is not None
@@ -173,7 +173,8 @@ async def _serve(
     settings: Settings, listener: socket.socket, say: Callable[[str], object], others: Others | None
 ) -> None:
     ended = asyncio.Event()
-    # As few on any machine: the unit bounds them (TasksMax=). One records, others open files.
+    # Few threads on any computer, as TasksMax= of the unit limits them: one records, others open
+    # files.
     asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS))
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
@@ -182,7 +183,7 @@ async def _serve(
         jobs = [asyncio.create_task(ended.wait()), *site.jobs]
         done, _ = await asyncio.wait(jobs, return_when=asyncio.FIRST_COMPLETED)
         for job in done:
-            job.result()  # an error of the program ends it, and it is started again
+            job.result()  # a program error ends the process, and the service restarts it
 
 
 def _where(settings: Settings, listener: socket.socket) -> str:

@@ -1,4 +1,4 @@
-"""HTTP and WebSocket server of the page (aiohttp): who may ask, live States, commands."""
+"""HTTP and WebSocket server of the page (aiohttp): access, live States, commands."""
 
 import asyncio
 import time
@@ -32,10 +32,10 @@ from programs.web.replies import as_json, refused
 
 MOST_BROWSERS: Final = 64
 MOST_BROWSERS_OF_ONE: Final = 8
-STUCK_S: Final = 10.0  # after which a browser that takes nothing is hung up on
+STUCK_S: Final = 10.0  # timeout of sending to a browser
 SUMMARY_EVERY_S: Final = 0.25
-BEAT_S: Final = 1.0  # something comes that often, and shows both ends that the other is there
-MOST_SAID_BYTES: Final = 64  # by a browser on its WebSocket, at once: it has nothing to send
+BEAT_S: Final = 1.0  # longest time without a message, which shows both ends that the other is alive
+MOST_SAID_BYTES: Final = 64  # largest message from a browser, which has nothing to send
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -48,8 +48,8 @@ class Settings:
     doorstep: Doorstep
     token: str
     read_only: bool
-    recordings: Path | None  # None: nothing is recorded
-    proxied: bool  # it listens at a unix socket, and the proxy names who asks
+    recordings: Path | None  # None: recording is not offered
+    proxied: bool  # listens on a unix socket; the proxy states the client's address
 
 
 class Site:
@@ -63,11 +63,11 @@ class Site:
         self.token = TokenCheck(settings.token)
         self.places = Places(MOST_BROWSERS, MOST_BROWSERS_OF_ONE)
         self.recorder = Recorder(settings.recordings) if settings.recordings else None
-        self._open: set[Callable[[], None]] = set()  # hangs up on a browser
-        self.jobs: list[asyncio.Task[None]] = []  # while it runs; they end only with an error
+        self._open: set[Callable[[], None]] = set()  # one to hang up on each browser
+        self.jobs: list[asyncio.Task[None]] = []  # tasks that end only with an error
 
     def application(self) -> web.Application:
-        """Everything that answers."""
+        """Application with all routes."""
         app = web.Application(middlewares=[self._guard], client_max_size=4096)
         app.router.add_get("/clock", self._clock)
         app.router.add_get("/live/{arm:[0-9]{1,3}}", self._live)
@@ -94,7 +94,7 @@ class Site:
             await self.recorder.close()
 
     async def _summarise(self) -> None:
-        """Send every browser the mode of every arm: for the tabs, and as a sign of life."""
+        """Send all browsers the modes of all arms, for the tabs and as a sign of life."""
         loop = asyncio.get_running_loop()
         sent, sent_s = "", 0.0
         while True:
@@ -106,7 +106,7 @@ class Site:
             await asyncio.sleep(SUMMARY_EVERY_S)
 
     async def _look_elsewhere(self) -> None:
-        """Send every browser the arms of other machines, where anything changed."""
+        """Send all browsers the arms of other computers whenever they change."""
         sent = ""
         while True:
             shown = self.elsewhere()
@@ -117,11 +117,11 @@ class Site:
             await asyncio.sleep(BEAT_S)
 
     def elsewhere(self) -> str:
-        """The arms of other machines, as JSON; empty without a router."""
+        """Arms of other computers as JSON; empty without a router."""
         return as_text(self.others.shown()) if self.others else ""
 
     def summary(self) -> str:
-        """The mode of every arm, as JSON."""
+        """Modes of all arms as JSON."""
         last = [arm.words for arm in self.arms]
         return as_text(
             words.Summary(
@@ -130,7 +130,7 @@ class Site:
         )
 
     def greeting(self, arm: Arm) -> words.Hello:
-        """First message to a browser of this arm."""
+        """First message to a browser that shows this arm."""
         may = not self.settings.read_only
         return words.hello(
             [each.name for each in self.arms],
@@ -141,7 +141,7 @@ class Site:
         )
 
     def hang_up(self) -> None:
-        """Hang up on every browser: the end is near, and they connect again by themselves."""
+        """Hang up on all browsers before the end; they reconnect by themselves."""
         for hang_up in list(self._open):
             hang_up()
 
@@ -173,12 +173,12 @@ class Site:
             return Refusal(401, "open the page first: it asks for the token")
         if command := request.match_info.get("command"):
             if self.settings.read_only:
-                return Refusal(403, "this page only shows; it commands nothing")
+                return Refusal(403, "this page is read-only; it cannot send commands")
             return command_refusal(command, request.headers)
         return None
 
     def _address(self, request: web.Request) -> str:
-        if self.settings.proxied:  # only the proxy can reach us, and names who asks
+        if self.settings.proxied:  # only the proxy can connect, and states the client's address
             return request.headers.get("X-Real-IP", "unknown")
         return request.remote or "unknown"
 
@@ -201,7 +201,7 @@ class Site:
     # --- live ---------------------------------------------------------------------------------
 
     async def _clock(self, request: web.Request) -> web.StreamResponse:
-        """The clock of the States' times: by it a page knows how old they are."""
+        """Clock of the States' times, by which the page determines their age."""
         return web.Response(text=str(time.monotonic()))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
@@ -223,7 +223,7 @@ class Site:
                     browser.text(shown)
 
                 def hang_up() -> None:
-                    """At once: it may take nothing more, and what waits for it is thrown away."""
+                    """Abort the connection and discard queued messages, as it may be stuck."""
                     if request.transport is not None:
                         request.transport.abort()
 
@@ -254,7 +254,7 @@ class Site:
 async def _send(
     socket: web.WebSocketResponse, browser: Browser, hang_up: Callable[[], None]
 ) -> None:
-    """Send what waits, until it is cancelled, or the browser takes nothing any more."""
+    """Send queued messages until cancelled; hang up if the browser does not receive."""
     try:
         while True:
             message = await browser.next()
@@ -268,7 +268,7 @@ async def _send(
 
 
 async def _until_closed(socket: web.WebSocketResponse) -> None:
-    """Wait for the end; a browser that sends anything, or pings, is not ours, and closed."""
+    """Wait for the end; any other message, which our page never sends, ends the connection."""
     async for message in socket:
         if message.type is not WSMsgType.CLOSE:
             return

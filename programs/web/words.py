@@ -1,4 +1,4 @@
-"""Texts of one arm on the page: sent as JSON when they change. Pure."""
+"""Texts of one arm on the page, sent as JSON when they change. Pure functions."""
 
 import math
 from typing import Any, Literal
@@ -20,8 +20,8 @@ EventKind = Literal["mode", "contact", "fault", "page"]
 
 
 class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
-    """First message to a browser: all arms by name, and what does not change of the one it shows.
-    `joints` is empty while its daemon cannot be reached."""
+    """First message to a browser: names of all arms, and constants of the one it shows. `joints` is
+    empty while the daemon cannot be reached."""
 
     arms: list[str]
     arm: int
@@ -33,17 +33,17 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
     bus_load: float | None
     may_command: bool
     may_record: bool
-    force_axes: str  # link of the URDF along whose axes each `Force` is ...
-    force_point: list[float]  # ... and where in its frame it presses [m]
-    walls: dict[str, Any] | None  # shapes of the arm and of its surroundings, as in their files
+    force_axes: str  # URDF link in whose frame each `Force` is given
+    force_point: list[float]  # point in that frame on which it acts [m]
+    walls: dict[str, Any] | None  # shapes and surroundings, as in their files
 
 
 class Force(msgspec.Struct, frozen=True):
-    """Force at the tool, rounded so that it is sent no oftener than it is seen to change."""
+    """Force at the tool, rounded so that it is not sent more often than a visible change."""
 
     way: list[float]  # unit vector
     size: float  # [N]
-    cone: float  # half angle within which it points, at 95 % [rad]
+    cone: float  # half-angle of the 95 % confidence cone of its direction [rad]
     text: str
 
 
@@ -52,56 +52,56 @@ class Touch(msgspec.Struct, frozen=True):
 
     link: str
     point: list[float]  # in the link's frame [m]
-    doubt: float  # [m]
+    doubt: float  # uncertainty [m]
     text: str
 
 
 class Load(msgspec.Struct, frozen=True):
-    """Load at the hand: one that was announced, or one that was only recognised."""
+    """Load in the hand, announced or only recognised."""
 
     announced: bool
     mass: float  # [kg]
-    com: list[float]  # its centre, in the frame of the arm's last link [m]
-    box: list[float] | None  # edges of a box about it [m]
+    com: list[float]  # centre of mass in the frame of the arm's last link [m]
+    box: list[float] | None  # edge lengths of a box about it [m]
     text: str
 
 
 class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
-    """All of an arm's last State that is words."""
+    """Texts and other rarely changing content of an arm's last State."""
 
     arm: int
     mode: str
     cause: str
-    advice: str  # on that cause, if it is a fault's: of a daemon that ended, too
+    advice: str  # on that cause, if it is a fault's
     armed: bool
     owner: str
-    until_told: bool  # the lease ends by time alone; otherwise also with its program
+    until_told: bool  # the lease only ends by time; otherwise also with its program
     drives: list[str]
     unproved: list[str]
     silenced: bool
     touched: str
     flags: list[str]
     load: Load | None
-    force: Force | None  # None where nothing acts, or no single force at the tool
-    touch: Touch | None  # None where no point is known
-    stream: str  # phase of the arm on a stream of targets; empty without one
-    near: str  # nearest pair of its shapes and surroundings; empty without shapes
-    meeting: Meeting | None  # where the last path that was asked for leads through a shape
-    guide: str  # along which a hand leads the arm; empty without one
+    force: Force | None  # None if there is no single force at the tool
+    touch: Touch | None  # None if the point is unknown
+    stream: str  # phase of the stream of targets; empty without one
+    near: str  # closest pair of shapes and surroundings; empty without shapes
+    meeting: Meeting | None  # place where the last requested path leads through a shape
+    guide: str  # constraint on leading by hand; empty without one
 
 
 class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
-    """State of every arm in one line each, for the tabs; empty: its daemon cannot be reached."""
+    """Modes of all arms, for the tabs; empty for a daemon that cannot be reached."""
 
     modes: list[str]
     armed: list[bool]
 
 
 class Other(msgspec.Struct, frozen=True):
-    """Arm of another machine, as the table of `contactd fleet` shows it."""
+    """Arm of another computer, as in the table of `contactd fleet`."""
 
     arm: str
-    state: str  # alive, gone, or since when it is silent
+    state: str  # alive, gone, or since when silent
     silent: bool
     mode: str
     armed: bool
@@ -111,72 +111,72 @@ class Other(msgspec.Struct, frozen=True):
 
 
 class Elsewhere(msgspec.Struct, frozen=True, tag="elsewhere", tag_field="kind"):
-    """Arms of other machines; `why`: reason that some or all are not shown."""
+    """Arms of other computers; `why`: reason why some or all are not shown."""
 
     why: str
     arms: list[Other]
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """Outcome of a stop elsewhere."""
+    """Outcome of a stop on another computer."""
 
     outcome: str
     text: str
 
 
 class Outcomes(msgspec.Struct, frozen=True):
-    """Outcome for each arm that was to stop elsewhere."""
+    """Outcomes of stops on other computers, by arm."""
 
     arms: dict[str, Outcome]
 
 
 class Advice(msgspec.Struct, frozen=True, tag="advice", tag_field="kind"):
-    """Answers of the daemon: what to do now, what arming needs, what was learned."""
+    """Content of the daemon's Status: advice, checks before arming, what was learned."""
 
     name: str
     advice: str
     checks: list[Check]
     trajectory: str
-    stream: str  # its quality; empty without one
-    lost: str  # samples
+    stream: str  # quality of the stream of targets; empty without one
+    lost: str  # words on lost samples
     learned: Learned | None
 
 
 class Event(msgspec.Struct, frozen=True):
     """One line of the event log."""
 
-    time_s: float  # of the loop
+    time_s: float  # loop time
     wall_s: float
     kind: EventKind
     text: str
 
 
 class Events(msgspec.Struct, frozen=True, tag="events", tag_field="kind"):
-    """News for the event log; `past`: the log so far."""
+    """New lines of the event log, or with `past` the log so far."""
 
     events: list[Event]
     past: bool = False
 
 
 class Gone(msgspec.Struct, frozen=True, tag="gone", tag_field="kind"):
-    """The daemon cannot be reached, and why."""
+    """Message that the daemon cannot be reached, with the reason."""
 
     why: str
 
 
 class Recordings(msgspec.Struct, frozen=True, tag="recordings", tag_field="kind"):
-    """Recordings that can be downloaded, and the one that is being made."""
+    """Recordings that can be downloaded, and the one in progress."""
 
-    running: str  # name of the file; empty: none
+    running: str  # name of the file in progress; empty if none
     seconds: float
     bytes: int
     files: list["RecordedFile"]
-    room_bytes: int  # for more
-    said: str  # how the last one ended
+    room_bytes: int  # room for further recordings
+    said: str  # words on how the last one ended
 
 
 class RecordedFile(msgspec.Struct, frozen=True):
-    """One file that was recorded."""
+    """One complete recording."""
 
     name: str
     bytes: int
@@ -205,7 +205,7 @@ def hello(
 
 
 def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
-    """Words of a State of arm number `arm`, touched at that point."""
+    """Words of a State of arm number `arm`; found: its point of contact."""
     return Words(
         arm=arm,
         mode=str(state.mode),
@@ -230,8 +230,8 @@ def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
 
 
 def force(state: State) -> Force | None:
-    """Force at the tool of a State, in a mode that senses, if there is one that fits. Daemons
-    without the field are served, too."""
+    """Force at the tool of a State, in a mode with sensing, if a single force explains the
+    residuals. Older daemons lack the field."""
     wrench: Wrench | None = getattr(state, "wrench", None)
     if wrench is None or state.mode not in SENSING or wrench.misfit > NO_FIT:
         return None
@@ -248,15 +248,15 @@ def force(state: State) -> Force | None:
 
 
 def touch(found: TouchPoint) -> Touch:
-    """Point of contact that is known, by steps of 2 cm."""
+    """Message on a point of contact, rounded to 2 cm."""
     point, doubt = (50.0 * found.point).round() / 50.0 + 0.0, round(found.doubt_m, 2)
     text = f"{found.link} ± {100.0 * doubt:.0f} cm"
     return Touch(link=found.link, point=point.tolist(), doubt=doubt, text=text)
 
 
 def load(state: State) -> Load | None:
-    """Load of a State, if it has one: a recognised one first. Daemons without either field
-    are served, too."""
+    """Load of a State, preferably a recognised one; None if there is none. Older daemons lack the
+    fields."""
     for field, announced in (("recognised", False), ("payload", True)):
         found = getattr(state, field, None)
         if found is not None:
@@ -273,7 +273,7 @@ def owner(permit: Permit) -> str:
 
 
 def advice(status: Status) -> Advice:
-    """Content of a Status that no State has."""
+    """Content of a Status that States lack."""
     t = status.trajectory
     return Advice(
         name=status.name,

@@ -1,1 +1,1 @@
-"""Door to ROS 2 over Zenoh, `contactd-zenoh`: a process beside the daemon, at the view socket."""
+"""Bridge to ROS 2 over Zenoh, `contactd-zenoh`: a separate process, client of the view socket."""

@@ -1,7 +1,7 @@
-"""Arming by calls from the network, at the daemon's control socket: the service `arm`.
+"""Service `arm`: arming by calls from the network, through the daemon's control socket.
 
-The lease belongs to one connection of this process and is never longer than the calls are worth
-(`holding.py`), so it ends by the daemon's own clock, whichever of caller, router, network and
+The lease belongs to one connection of this process and never outlasts the validity of the calls
+(`holding.py`). It therefore expires by the daemon's own clock if the caller, router, network or
 this process is gone or hangs.
 """
 
@@ -25,18 +25,18 @@ SET_BOOL: Final = "std_srvs/srv/SetBool"
 
 
 class Line(Protocol):
-    """Connection to the control socket, as `Client` is one; what it armed ends with it."""
+    """Connection to the control socket, such as `Client`; its lease ends with it."""
 
     def ask(self, request: Request) -> Reply:
-        """The daemon's answer. Raises ContactdError."""
+        """Send a request and return the reply. Raises ContactdError."""
 
     def close(self) -> None:
         """Hang up."""
 
 
 class Arming:
-    """Calls of `arm` for the daemon that `connect` reaches; `disarm` is what a call with false
-    does. Belongs to the thread of its service."""
+    """Handler of calls of `arm` for the daemon that `connect` reaches; `disarm` carries out a call
+    with false. Only used by the thread of its service."""
 
     def __init__(
         self, connect: Callable[[], Line], disarm: Act, clock: Callable[[], float] = time.monotonic
@@ -47,16 +47,16 @@ class Arming:
 
     @classmethod
     def at(cls, control: Path, disarm: Act) -> Self:
-        """At this control socket; an answer that takes longer than a lease is none."""
+        """Handler at this control socket, with the length of a lease as timeout of replies."""
         return cls(lambda: Client(control, HOLD_S), disarm)
 
     def offer(self) -> Offer:
-        """The service."""
+        """Service offer of this handler."""
         return Offer(SET_BOOL, read_flag, self.answer, self.close)
 
     def answer(self, calls: Sequence[Call]) -> list[bytes]:
-        """Answer all these calls, in order; what one caller repeats is carried out once, by the
-        last."""
+        """Answers to these calls in order; consecutive equal calls of one caller are carried out
+        once, by the last of them."""
         answers: list[bytes] = []
         for _, group in groupby(calls, lambda call: (call.gid, read_flag(call.request))):
             same = list(group)
@@ -65,7 +65,7 @@ class Arming:
         return answers
 
     def close(self) -> None:
-        """Hang up on the daemon: what was armed so is not any more."""
+        """Close the connection to the daemon, which ends the lease."""
         if self._line is not None:
             self._line.close()
         self._line = None

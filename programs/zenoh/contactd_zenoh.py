@@ -1,4 +1,4 @@
-"""`contactd-zenoh`: the command line of the door to ROS 2."""
+"""Command line of `contactd-zenoh`, the bridge to ROS 2."""
 # ruff: noqa: PLC0415 - zenoh is an extra, and only this program needs it
 
 import os
@@ -17,9 +17,9 @@ from programs.command_line.options import PATH
 from programs.zenoh.zenoh_options import zenoh_options
 
 EXTRA = frozenset({"zenoh", "xxhash"})
-HEARD_WITHIN_S = 0.5  # a signal that a thread of Zenoh took, and the main one does not wake for
+HEARD_WITHIN_S = 0.5  # polling period for signals that a thread of Zenoh received
 NICE: Final = 10
-END_S = 3.0  # more than the longest silence of a daemon that is waited for
+END_S = 3.0  # longer than the timeout of a silent daemon
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -33,24 +33,24 @@ END_S = 3.0  # more than the longest silence of a daemon that is waited for
     "--control-socket",
     type=PATH,
     metavar="PATH",
-    help="Control socket of the daemon: offers the service `reset`, too.",
+    help="Control socket of the daemon: also offers the service `reset`.",
 )
 @click.option(
     "--allow-arm",
     is_flag=True,
-    help="With --control-socket: offers the service `arm`, too, to every client of the router.",
+    help="With --control-socket: also offers the service `arm`, to every client of the router.",
 )
 @click.option(
     "--allow-follow",
     is_flag=True,
-    help="With --control-socket: takes targets on `joint_targets`, too: the arm moves.",
+    help="With --control-socket: also accepts targets on `joint_targets`: the arm moves.",
 )
 @click.option(
     "--namespace",
     default="/contactd",
     show_default=True,
     metavar="NAME",
-    help="Namespace of the node and its topics: one for each arm, / for none.",
+    help="Namespace of the node and its topics, different for each arm; / for none.",
 )
 @zenoh_options
 @click.version_option(package_name="contactd", prog_name="contactd-zenoh")
@@ -65,11 +65,11 @@ def main(
     domain: int,
     distro: str,
 ) -> None:
-    """Show an arm to ROS 2 by Zenoh, as a node with rmw_zenoh_cpp sees others.
+    """Connect an arm to ROS 2 by Zenoh, as a node that is compatible with rmw_zenoh_cpp.
 
     Topics: joint_states, external_torque, contact_threshold, contact, robot_description,
-    /diagnostics. Services: stop, disarm. Nothing else comes over the network, without
-    --control-socket and --allow-arm or --allow-follow; nothing ever enables the arm: docs/ros.md.
+    /diagnostics. Services: stop, disarm. Nothing else is accepted from the network without
+    --control-socket and --allow-arm or --allow-follow; nothing can enable the arm: docs/ros.md.
 
     Exit status: 0 ended by a signal, 2 usage, 78 wrong configuration.
     """
@@ -92,12 +92,12 @@ def main(
         ended = threading.Event()
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: ended.set())
-        os.setpriority(os.PRIO_PROCESS, 0, NICE)  # never against the loop
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)  # lower priority than the daemon's loop
         _run(lambda: serve(settings, _say, ended), ended)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in EXTRA:
             raise
-        _end(ConfigurationError("it needs the extra `ros`: pip install 'contactd[ros]'"))
+        _end(ConfigurationError("needs the extra `ros`: pip install 'contactd[ros]'"))
     except ContactdError as error:
         _end(error)
 
@@ -107,10 +107,10 @@ def _say(text: str) -> None:
 
 
 def _run(serve: Callable[[], None], ended: threading.Event) -> None:
-    """Serve in a thread: signals are heard while Zenoh waits for a router that is not there.
+    """Serve in a thread, so that signals are handled while Zenoh waits for a missing router.
 
-    That wait cannot be ended. The process ends without it, as Python's own end would meet a thread
-    inside Zenoh.
+    That wait cannot be interrupted. The process then exits by `os._exit`, as Python's regular exit
+    would find a thread inside Zenoh.
     """
     errors: list[BaseException] = []
 

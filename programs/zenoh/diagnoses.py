@@ -1,4 +1,4 @@
-"""Diagnoses of an arm: its mode, faults and joints, in the words of `/diagnostics`. Pure."""
+"""Diagnoses of an arm for `/diagnostics`: its mode, faults and joints. Pure functions."""
 
 from daemon.faults.finding import advice_on
 from daemon.modes.table import Mode
@@ -10,7 +10,7 @@ Key = tuple[object, ...]
 
 
 def changed(state: State) -> Key:
-    """Values whose change has a message sent at once."""
+    """Values whose change causes a message at once."""
     return (
         state.mode,
         state.armed,
@@ -23,12 +23,13 @@ def changed(state: State) -> Key:
 
 
 def of(state: State, joints: list[str], arm: str, status: Status | None) -> list[Diagnosis]:
-    """The arm, and each of its joints; `status` is a recent one, for what only it has."""
+    """Diagnoses of the arm and each of its joints; `status`: a recent one, for values that States
+    lack."""
     return [_arm(state, arm, status), *_joints(state, joints, arm, status)]
 
 
 def gone(arm: str, why: str) -> list[Diagnosis]:
-    """An arm of which nothing is known."""
+    """Diagnosis of an arm whose daemon cannot be reached."""
     return [Diagnosis(Level.STALE, f"contactd: {arm}", why, arm)]
 
 

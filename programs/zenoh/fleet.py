@@ -1,7 +1,7 @@
-"""Arms of a fleet as one supervisor sees them: which are alive, and their last messages. Pure.
+"""Arms of a fleet as a supervisor sees them: which are alive, and their last messages. Pure.
 
-Fed by liveliness tokens and `/diagnostics`, from wherever: nothing in them is believed but as text
-to show, and no more than MOST_ARMS are kept.
+Its input, liveliness tokens and `/diagnostics`, may come from anywhere: it is only used as text to
+show, and at most MOST_ARMS are kept.
 """
 
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ from programs.zenoh.names import ADMIN, NAME, Kind
 
 MOST_ARMS: Final = 256
 MOST_OF_ONE_NAME: Final = 16
-MOST_NAME: Final = 255  # characters, as of any topic in ROS 2
+MOST_NAME: Final = 255  # characters, as for topics in ROS 2
 MOST_TEXT: Final = 200
-#: Twice the time between two messages of an arm, and some more.
+#: Somewhat more than twice the period of an arm's messages.
 SILENT_S: Final = 2.5
 NODE_NAME: Final = "contactd"
 
@@ -24,45 +24,45 @@ NODE_NAME: Final = "contactd"
 class Arm:
     """One arm; times by the supervisor's monotonic clock."""
 
-    name: str  # its namespace, without the first slash
-    nodes: frozenset[str] = frozenset()  # tokens of this name that are there: one, if all is well
+    name: str  # namespace without the leading slash
+    nodes: frozenset[str] = frozenset()  # present tokens of this name, normally one
     heard_s: float | None = None
     level: Level = Level.STALE
     text: str = ""
     mode: str = ""
     armed: str = ""
-    contact: str = ""  # the last one that was heard of
+    contact: str = ""  # last one received
 
     @property
     def alive(self) -> bool:
-        """Whether a node of this name is there."""
+        """True if a node of this name is present."""
         return bool(self.nodes)
 
     @property
     def says(self) -> str:
-        """Its last message."""
+        """Last message, or a hint if there is none although the arm is alive."""
         unheard = self.alive and self.heard_s is None
-        return "nothing heard of it yet; is it of another --distro?" if unheard else self.text
+        return "no message yet; does it use another --distro?" if unheard else self.text
 
     def silent_s(self, now_s: float) -> float | None:
-        """Time since it was last heard [s]; None while it is heard."""
+        """Time since its last message [s]; None if it is not silent."""
         if self.heard_s is None:
             return None
         silence = now_s - self.heard_s
         return silence if silence > SILENT_S or not self.alive else None
 
     def state(self, now_s: float) -> str:
-        """Whether it is there, in words."""
+        """State in words: alive, gone or silent."""
         silent_s = self.silent_s(now_s)
         if silent_s is not None:
-            return f"silent since {silent_s:.0f} s"
+            return f"silent for {silent_s:.0f} s"
         if len(self.nodes) > 1:
             return f"alive, {len(self.nodes)} of this name"
         return "alive" if self.alive else "gone"
 
 
 def arm_of_token(token: str, domain: int) -> str:
-    """Name of the arm whose node has this token; empty where it is no node of contactd."""
+    """Name of the arm whose node has this token; empty if it is no node of contactd."""
     parts = token.split("/")
     if len(parts) != 9 or parts[:2] != [ADMIN, str(domain)]:
         return ""
@@ -73,20 +73,20 @@ def arm_of_token(token: str, domain: int) -> str:
 
 
 class Fleet:
-    """Arms that were seen, by name; of those that are gone as many as there is room for."""
+    """Arms seen so far, by name; those that are gone are kept while there is room."""
 
     def __init__(self) -> None:
         self.arms: dict[str, Arm] = {}
 
     def meet(self, name: str, alive: bool, token: str) -> None:
-        """A token came, or went."""
+        """Add or remove a token of an arm."""
         arm = self._arm(name)
         nodes = arm.nodes | {token} if alive else arm.nodes - {token}
         if len(nodes) <= MOST_OF_ONE_NAME:
             self._put(replace(arm, nodes=nodes))
 
     def hear(self, diagnoses: list[Diagnosis], now_s: float) -> None:
-        """A message on `/diagnostics`; those of other programs are left out."""
+        """Take a message on `/diagnostics`; those of other programs are ignored."""
         for found in diagnoses:
             prefix, _, name = found.name.partition(": ")
             if prefix != "contactd" or ":" in name or not _is_namespace(f"/{name}"):
@@ -104,7 +104,7 @@ class Fleet:
             )
 
     def touch(self, contact: Diagnosis) -> None:
-        """A message on an arm's `contact`."""
+        """Take a message on an arm's topic `contact`."""
         if _is_namespace(f"/{contact.hardware_id}"):
             self._put(replace(self._arm(contact.hardware_id), contact=shown(contact.message)))
 
@@ -118,8 +118,8 @@ class Fleet:
             self.arms[arm.name] = arm
 
     def _make_room(self) -> None:
-        """Forget the one of those that are gone that was not heard of for longest, if there is one:
-        an arm that is alive can be stopped, so it comes first."""
+        """Forget the arm that is gone and silent for longest, if any. Arms that are alive are kept,
+        as they can be stopped."""
         gone = [arm for arm in self.arms.values() if not arm.alive]
         if gone:
             del self.arms[min(gone, key=lambda arm: arm.heard_s or 0.0).name]
@@ -130,5 +130,5 @@ def _is_namespace(text: str) -> bool:
 
 
 def shown(text: str) -> str:
-    """Text from a network as it may stand on a terminal."""
+    """Text from the network, shortened and made safe for a terminal."""
     return printable(text[:MOST_TEXT])

@@ -1,9 +1,10 @@
-"""Following from the network: JointState messages on `joint_targets` become a stream of targets at
-the daemon's control socket.
+"""Following from the network: forwards JointState messages on `joint_targets` as a stream of
+targets to the daemon's control socket.
 
-One publisher at a time: the first that sends, until it is silent for SILENT_S or its stream ends. A
-publisher whose stream was refused or ended (a stop, a fault, out of reach) has to fall silent
-before it may begin again, as messages that are repeated by a timer must not undo a `stop`.
+Only one publisher is followed at a time: the first that sends, until it is silent for SILENT_S or
+its stream ends. A publisher whose stream was refused or ended (by a stop, a fault, a target out of
+reach) must be silent before it may start again, as a timer that repeats messages must not undo a
+`stop`.
 """
 
 import threading
@@ -21,12 +22,12 @@ from programs.zenoh.cdr import CdrError
 from programs.zenoh.messages import JointTarget, read_joint_target
 
 SILENT_S: Final = 0.5
-"""silence that ends a stream, and lets its publisher begin again"""
+"""Silence that ends a stream, and allows its publisher to start again [s]."""
 MOST_WAITING: Final = 32
 
 
 class Line(Protocol):
-    """Stream on a connection of its own."""
+    """Stream on a separate connection."""
 
     def to(
         self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
@@ -34,11 +35,11 @@ class Line(Protocol):
         """Send a target. Raises ContactdError."""
 
     def close(self) -> None:
-        """Hang up, which halts the arm."""
+        """Close the connection, which halts the arm."""
 
 
 class _ClientLine:
-    """Stream of a client."""
+    """Line through a client."""
 
     def __init__(self, control: Path) -> None:
         self._client = Client(control)
@@ -55,8 +56,8 @@ class _ClientLine:
 
 @dataclass(slots=True)
 class Following:
-    """Streams from publishers for the arm with these joints; `connect` opens a line, `say` reports
-    what a person should read. Time is an argument."""
+    """Streams from publishers to the arm with these joints; `connect` opens a line, `say` reports
+    to the user. Time is an argument."""
 
     connect: Callable[[], Line]
     joints: Callable[[], Sequence[str]]
@@ -64,18 +65,18 @@ class Following:
     _publisher: bytes = b""
     _heard_s: float = 0.0
     _line: Line | None = None
-    _waits: dict[bytes, float] = field(default_factory=dict)  # publishers that must fall silent
+    _waits: dict[bytes, float] = field(default_factory=dict)  # publishers that must be silent first
 
     def take(self, payload: bytes, publisher: bytes, sent_s: float, now_s: float) -> None:
-        """Take a message that a publisher sent at `sent_s`, by its own clock [s]."""
+        """Process a message that a publisher sent at `sent_s` by its own clock [s]."""
         self.look(now_s)
         if publisher in self._waits:
             self._waits[publisher] = now_s
             return None
         if not any(publisher):
-            return self._refuse(publisher, "its message does not name it", now_s)
+            return self._refuse(publisher, "its messages lack a GID", now_s)
         if self._line is not None and publisher != self._publisher:
-            return self._refuse(publisher, "another publisher streams", now_s)
+            return self._refuse(publisher, "another publisher is streaming", now_s)
         self._publisher, self._heard_s = publisher, now_s
         try:
             target = read_joint_target(payload)
@@ -90,9 +91,9 @@ class Following:
         return None
 
     def look(self, now_s: float) -> None:
-        """Forget publishers that are silent, and end their stream."""
+        """End the stream of a silent publisher, and allow silent publishers to start again."""
         if self._line is not None and now_s - self._heard_s > SILENT_S:
-            self.say(f"publisher {self._publisher.hex()} fell silent: the stream is ended")
+            self.say(f"publisher {self._publisher.hex()} fell silent: its stream is ended")
             self.close()
         for publisher in [p for p, then_s in self._waits.items() if now_s - then_s > SILENT_S]:
             del self._waits[publisher]
@@ -109,12 +110,12 @@ class Following:
 
 
 def in_order(target: JointTarget, joints: Sequence[str]) -> tuple[list[float], list[float] | None]:
-    """Positions [rad] and velocities [rad/s], or None, in the order of the arm's joints. Raises
-    CdrError unless each joint is named once."""
+    """Positions [rad] and velocities [rad/s] (or None) in the order of the arm's joints. Raises
+    CdrError unless each joint is named exactly once."""
     if sorted(target.names) != sorted(joints) or len(target.position) != len(joints):
         raise CdrError(
-            f"a target names each joint once, with a position: {', '.join(joints)}; this one "
-            f"{', '.join(target.names) or 'none'}"
+            f"a target must name each joint once, with a position: {', '.join(joints)}; this one "
+            f"names {', '.join(target.names) or 'none'}"
         )
     at = [target.names.index(joint) for joint in joints]
     moving = len(target.velocity) == len(joints)
@@ -123,7 +124,8 @@ def in_order(target: JointTarget, joints: Sequence[str]) -> tuple[list[float], l
 
 
 class FollowingThread:
-    """Thread that takes messages, from construction to `close`; `put` is called from any thread."""
+    """Thread that processes messages, from construction to `close`; `put` may be called from any
+    thread."""
 
     def __init__(
         self, control: Path, joints: Callable[[], Sequence[str]], say: Callable[[str], object]
@@ -141,13 +143,13 @@ class FollowingThread:
         self.close()
 
     def put(self, payload: bytes, publisher: bytes, sent_s: float) -> None:
-        """Take a message; the oldest that waits makes room."""
+        """Queue a message, dropping the oldest if the queue is full."""
         with self._changed:
             self._waiting.append((payload, publisher, sent_s))
             self._changed.notify()
 
     def close(self) -> None:
-        """End the stream, and the thread."""
+        """End the stream and the thread."""
         with self._changed:
             self._ended = True
             self._changed.notify()

@@ -1,4 +1,4 @@
-"""Node of the arm in the graph of ROS 2: publishers, services and tokens in a Zenoh session."""
+"""ROS 2 node of the arm in a Zenoh session: its publishers, services and liveliness tokens."""
 
 import contextlib
 import itertools
@@ -32,9 +32,9 @@ from programs.zenoh.services import Offer, Service
 
 MOST_REQUEST_BYTES: Final = 1024
 MOST_MESSAGE_BYTES: Final = 8192
-#: Zenoh itself tries for ever what is none.
+#: Checked here, as Zenoh retries an invalid endpoint forever.
 ENDPOINT: Final = re.compile(r"(tcp|tls|quic|udp|ws)/[^\s\"\\/]+:\d{1,5}")
-#: Zenoh ends its errors with a line of its sources, on the machine that built it.
+#: Zenoh appends a path and line of its own sources to errors.
 SOURCES: Final = re.compile(r" at /\S+\.rs:\d+\.?$")
 KEYS: Final = (
     ("root_ca_certificate",),
@@ -42,15 +42,15 @@ KEYS: Final = (
     ("listen_certificate", "listen_private_key"),
 )
 MOST_WARNINGS: Final = 64
-MOST_SAID: Final = 400  # characters of one
+MOST_SAID: Final = 400  # characters of a warning
 
 Say = Callable[[str], object]
 Hear = Callable[[bytes, bytes, float], None]
-"""Takes payload, publisher's GID, and the time at which it was sent [s]."""
+"""Function that takes a payload, the publisher's GID, and the time at which it was sent [s]."""
 
 
 class Publisher:
-    """One topic: numbers its messages, and never waits; what finds no room is left out."""
+    """Publisher of one topic, which numbers its messages, and drops them rather than block."""
 
     def __init__(self, session: zenoh.Session, node: Node, endpoint: Endpoint, token: str) -> None:
         latched = endpoint.qos is Qos.LATCHED
@@ -71,12 +71,12 @@ class Publisher:
         self._publisher.put(payload, attachment=about)
 
     def close(self) -> None:
-        """Take the topic back."""
+        """Undeclare the publisher."""
         self._publisher.undeclare()
 
 
 class Query:
-    """A call that came over Zenoh."""
+    """Service call received over Zenoh."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
@@ -91,7 +91,7 @@ class Query:
 
     @property
     def caller(self) -> str:
-        """The caller's GID: all that the attachment has of it."""
+        """Name of the caller: its GID, as the attachment contains nothing else."""
         return f"ROS 2 client {self.gid.hex()}"
 
     @property
@@ -100,14 +100,14 @@ class Query:
         return self._sent_ns * 1e-9
 
     def answer(self, payload: bytes) -> None:
-        """Answer with the number and the GID of the call, as rmw_zenoh finds it by them."""
+        """Answer with the sequence number and GID of the call, by which rmw_zenoh matches it."""
         about = attachment(self._sequence, time.time_ns(), self.gid)
         with contextlib.suppress(zenoh.ZError):  # the caller is gone
             self._query.reply(self._query.key_expr, payload, attachment=about)
         self._drop()
 
     def refuse(self, why: str) -> None:
-        """Answer that it was no call."""
+        """Answer with an error."""
         with contextlib.suppress(zenoh.ZError):
             self._query.reply_err(why.encode())
         self._drop()
@@ -117,7 +117,7 @@ class Query:
 
 
 class Graph:
-    """The node and all that it offers, from construction to `close`."""
+    """Node with all its endpoints, from construction to `close`."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class Graph:
         say: Say,
         heard: Mapping[str, Hear] | None = None,
     ) -> None:
-        """heard: takes the messages of a topic among `topics`, by its name; all others are ours."""
+        """Declare the node; heard: handlers by topic, for those that are subscribed to."""
         self._node, self._say = node, say
         self._ours = dict(topics) | {
             name: services.endpoint(node, name, offer.type_name) for name, offer in offers.items()
@@ -160,7 +160,7 @@ class Graph:
         self.close()
 
     def close(self) -> None:
-        """Take everything back."""
+        """Undeclare everything."""
         self._close()
 
     def _serve(
@@ -174,13 +174,14 @@ class Graph:
             call = Query(query)
             if str(query.key_expr) == key:
                 service.put(call)
-            else:  # one question to many: none of rmw_zenoh's
+            else:  # a wildcard query, which rmw_zenoh never sends
                 call.refuse(f"ask {key}")
 
         opened.callback(session.declare_queryable(key, take, complete=True).undeclare)
 
     def _hear(self, session: zenoh.Session, endpoint: Endpoint, hear: Hear) -> Callable[[], None]:
-        """Hand the messages of a topic on; what lacks an attachment is none of rmw_zenoh's."""
+        """Subscribe to a topic; messages without the attachment of rmw_zenoh are ignored. Returns
+        the function that unsubscribes."""
 
         def take(sample: zenoh.Sample) -> None:
             about = sample.attachment
@@ -193,7 +194,7 @@ class Graph:
         return session.declare_subscriber(self._node.key(endpoint), take).undeclare
 
     def _meet(self, sample: zenoh.Sample) -> None:
-        """Report once a newcomer that wants one of ours and will never hear it, or has our name."""
+        """Report, once, a new entity that cannot match our endpoint, or a node with our name."""
         if sample.kind != zenoh.SampleKind.PUT or len(self._said) >= MOST_WARNINGS:
             return
         token = str(sample.key_expr)
@@ -207,18 +208,15 @@ class Graph:
 def configuration(
     connect: tuple[str, ...], file: Path | None, patience_ms: int = -1, option: str = "--connect"
 ) -> zenoh.Config:
-    """Configuration of a session: the file's, or a client of a router that it waits for, for
-    `patience_ms` or for ever, also for a file whose mode is client. Ours listens at no port, and
-    sends no multicast.
-
-    Raises ConfigurationError for a file or an endpoint that is none, and for keys that are none.
-    """
+    """Configuration of a session, from a file or for a client of these routers. A client, also by a
+    file, waits `patience_ms` for its router, or forever if negative. Ours neither listens on a port
+    nor sends multicast. Raises ConfigurationError for an invalid file, endpoint or key."""
     if file is not None:
         return _of_file(file, patience_ms)
     for where in connect:
         if not ENDPOINT.fullmatch(where):
             raise ConfigurationError(
-                f"{option} {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
+                f"{option} {where}: must be a protocol, host and port, as tcp/localhost:7447"
             )
     config = zenoh.Config()
     values: dict[str, Any] = {
@@ -227,9 +225,9 @@ def configuration(
         "connect/timeout_ms": str(patience_ms),
         "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
         "scouting/multicast/enabled": "false",
-        "timestamping/enabled": "true",  # what is latched is found by it
-        "transport/shared_memory/enabled": "false",  # a sandbox may refuse it, and peers are remote
-        # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.
+        "timestamping/enabled": "true",  # needed for latched topics
+        "transport/shared_memory/enabled": "false",  # sandboxes may forbid it, and peers are remote
+        # A busy computer delays a link for some ms; messages must not be dropped meanwhile.
         "transport/link/tx/queue/size/data": "16",
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "50000",
     }
@@ -239,7 +237,7 @@ def configuration(
 
 
 def reason(error: zenoh.ZError) -> str:
-    """Message of a Zenoh error, without the place in its own sources."""
+    """Message of a Zenoh error without its source location."""
     return SOURCES.sub("", str(error))
 
 
@@ -256,8 +254,8 @@ def _of_file(file: Path, patience_ms: int) -> zenoh.Config:
 
 
 def _refuse_wrong_keys(config: zenoh.Config, file: Path) -> None:
-    """Raise ConfigurationError for certificates and keys with which Zenoh would try for ever,
-    without a reason."""
+    """Raise ConfigurationError for invalid certificates and keys, with which Zenoh would retry
+    forever without an error."""
     for names in KEYS:
         found = [json.loads(config.get_json(f"transport/link/tls/{name}")) for name in names]
         paths = [path for path in found if path is not None]
@@ -271,7 +269,7 @@ def _refuse_wrong_keys(config: zenoh.Config, file: Path) -> None:
         except ssl.SSLError as error:
             pair = " and ".join(paths)
             raise ConfigurationError(
-                f"{file}: {pair} are no certificate and its key: {error.reason or error}"
+                f"{file}: {pair} are not a certificate and its key: {error.reason or error}"
             ) from error
         except OSError as error:
             where = f"{', '.join(names)}: {error.filename}"
@@ -280,7 +278,7 @@ def _refuse_wrong_keys(config: zenoh.Config, file: Path) -> None:
 
 @contextlib.contextmanager
 def session_of(config: zenoh.Config) -> Iterator[zenoh.Session]:
-    """A session while the block lasts."""
+    """Context with a Zenoh session."""
     session = zenoh.open(config)
     try:
         yield session

@@ -1,15 +1,15 @@
-"""Hold on the armed arm: whose calls of `arm` keep it armed, and for how long. Pure; time is an
-argument.
+"""Hold on the armed arm: which caller's calls of `arm` keep it armed, and for how long. Pure; time
+is an argument.
 
-A caller is heard by nothing but its calls: no other sign of it crosses every path within a second
-(decision 0003). Each call keeps the arm armed for HOLD_S from when it was sent, as far as that is
-known: from when it would have come by the fastest of this caller's calls since it armed. What
-waited on its way is worth less, so a network that holds calls back prolongs nothing, be it all at
-once or more and more. What even the fastest call waited cannot be known.
+Calls are the only sign of life of a caller: no other crosses every path within a second (decision
+0003). Each call keeps the arm armed for HOLD_S from its sending. Its age is estimated by comparison
+with the fastest of this caller's calls since arming: a call that was delayed more is worth less, so
+that a network that holds calls back, suddenly or increasingly, prolongs nothing. The delay of the
+fastest call itself cannot be known.
 
-A caller that lost the arm, by whatever, has to let go before it arms again, as with an enabling
-switch: calls that are repeated by a timer must not undo a `disarm` from elsewhere. And one call
-alone does not arm: its age is not known.
+A caller that lost the arm for any reason must release it before it can arm again, as with an
+enabling switch: a timer that repeats calls must not undo another client's `disarm`. Nor does a
+single call arm, as its age is unknown.
 """
 
 from collections import deque
@@ -18,18 +18,18 @@ from enum import Enum, auto
 from typing import Final
 
 HOLD_S: Final = 0.8
-LEAST_S: Final = 0.05  # of a lease: less ends before it is served
-DRIFT: Final = 1e-3  # of a caller's clock against ours, at most: one that is slewed makes half
+LEAST_S: Final = 0.05  # least lease: a shorter one would end before it is served
+DRIFT: Final = 1e-3  # largest drift of a caller's clock against ours; slewing causes half of it
 MOST_LOST: Final = 64
 MOST_KNOCKS: Final = 64
-KNOCK_S: Final = 0.3  # a first call that arms nothing, and the call that does, are so far apart
-WOBBLE_S: Final = 0.05  # by which their ways may differ
-LET_GO: Final = "not armed any more: call with false first, then with true"
-ONCE: Final = f"a single call may be an old one: go on calling, at least every {HOLD_S:g} s"
+KNOCK_S: Final = 0.3  # least time from a caller's first call to the one that arms
+WOBBLE_S: Final = 0.05  # largest difference of their delays
+LET_GO: Final = "no longer armed: call with false first, then with true"
+ONCE: Final = f"a single call may be an old one: keep calling, at least every {HOLD_S:g} s"
 
 
 class Step(Enum):
-    """Request to the daemon."""
+    """Action to take at the daemon."""
 
     ARM = auto()
     RENEW = auto()
@@ -39,7 +39,7 @@ class Step(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One call: `armed` or not, by the caller with this GID, sent at `sent_s` by its own clock."""
+    """One call with value `armed`, from the caller with this GID, sent at `sent_s` by its clock."""
 
     caller: bytes
     armed: bool
@@ -48,7 +48,7 @@ class Wish:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Result of a call: a step with the lease that it is worth [s], or why there is none."""
+    """Result of a call: a step with its lease [s], or the reason why there is none."""
 
     step: Step
     lease_s: float = 0.0
@@ -57,18 +57,18 @@ class Verdict:
 
 @dataclass(slots=True)
 class Hold:
-    """The caller that holds the arm armed, if any, and those that lost it and have not let go."""
+    """Caller that keeps the arm armed, if any, and those that lost it and have not released it."""
 
     _holder: bytes | None = None
     _until_s: float = 0.0
-    _offset_s: float = 0.0  # our clock before the holder's, by its fastest call
-    _read_s: float = 0.0  # when that was
+    _offset_s: float = 0.0  # our clock minus the holder's, by its fastest call
+    _read_s: float = 0.0  # time of the last update of the offset
     _lost: deque[bytes] = field(default_factory=lambda: deque(maxlen=MOST_LOST))
-    # When the first calls of those that are not heard yet were sent and came.
+    # Sending and arrival times of first calls, by caller.
     _knocks: dict[bytes, tuple[float, float]] = field(default_factory=dict)
 
     def judge(self, wish: Wish, now_s: float) -> Verdict:
-        """Verdict on a call that is looked at `now_s`."""
+        """Verdict on a call at time `now_s`."""
         if not wish.armed:
             return Verdict(Step.DISARM)
         if wish.caller == self._holder and now_s >= self._until_s:
@@ -81,7 +81,7 @@ class Hold:
         return self._of_another(wish, now_s)
 
     def _of_another(self, wish: Wish, now_s: float) -> Verdict:
-        """Verdict on an armed wish of a caller that does not hold it."""
+        """Verdict on a call with true from a caller that does not hold the arm."""
         if wish.caller in self._lost:
             return Verdict(Step.NOTHING, why=LET_GO)
         if self._holder is not None and now_s < self._until_s:
@@ -91,8 +91,8 @@ class Hold:
         return Verdict(Step.ARM, HOLD_S)
 
     def _lives(self, wish: Wish, now_s: float) -> bool:
-        """True if calls arrive as far apart as they were sent. A router that hung delivers its
-        backlog all at once, perhaps for a caller that has left."""
+        """True if calls arrive at the intervals at which they were sent. A router that hung
+        delivers its backlog at once, perhaps from a caller that is gone."""
         sent_s, came_s = self._knocks.get(wish.caller, (wish.sent_s, now_s - 2.0 * HOLD_S))
         apart_s = now_s - came_s
         if apart_s > HOLD_S or abs(apart_s - (wish.sent_s - sent_s)) > WOBBLE_S:
@@ -104,7 +104,7 @@ class Hold:
         return apart_s >= KNOCK_S
 
     def granted(self, wish: Wish, lease_s: float, now_s: float) -> None:
-        """Take note that the daemon carried out the verdict on an armed wish."""
+        """Record that the daemon carried out the verdict on a call with true."""
         if wish.caller != self._holder:
             self.lose()
             self._holder = wish.caller
@@ -113,13 +113,13 @@ class Hold:
         self._until_s = now_s + lease_s
 
     def lose(self) -> None:
-        """Take note that the arm is not armed any more by the one that held it."""
+        """Record that the holder has lost the arm."""
         if self._holder is not None:
             self._lost.append(self._holder)
         self._holder = None
 
     def let_go(self, caller: bytes) -> None:
-        """Take note that this caller let go: it may arm again. Another holder has lost it."""
+        """Record that this caller released the arm and may arm again; another holder loses it."""
         if self._holder == caller:
             self._holder = None
         self.lose()

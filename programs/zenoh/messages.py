@@ -1,4 +1,4 @@
-"""Messages of ROS 2 that contactd sends, as CDR. Pure."""
+"""CDR encoding and decoding of the ROS 2 messages that contactd uses. Pure functions."""
 
 import math
 import struct
@@ -23,7 +23,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """A DiagnosticStatus."""
+    """Content of a DiagnosticStatus."""
 
     level: Level
     name: str
@@ -33,17 +33,15 @@ class Diagnosis:
 
 
 class JointStates:
-    """Encoder of sensor_msgs/msg/JointState for joints of these names.
-
-    All but time and numbers is the same in every message: it is written once.
-    """
+    """Encoder of sensor_msgs/msg/JointState for joints with these names, from a template with
+    everything but time and numbers."""
 
     def __init__(self, names: Sequence[str], *, motion: bool) -> None:
         n = len(names)
         writer = Writer()
         writer.int32(0)
         writer.uint32(0)
-        writer.text("")  # frame_id: joints have none
+        writer.text("")  # frame_id, which joints do not have
         writer.texts(names)
         self._position = writer.doubles(n if motion else 0)
         self._velocity = writer.doubles(n if motion else 0)
@@ -59,8 +57,8 @@ class JointStates:
         position: Sequence[float] = (),
         velocity: Sequence[float] = (),
     ) -> bytes:
-        """The message of this time [s since 1970]; each sequence (n,) in rad, rad/s and Nm, empty
-        position and velocity where the encoder is without motion."""
+        """Message for a Unix time [s]; each sequence is (n,) in Nm, rad, rad/s; position and
+        velocity are empty for an encoder without motion."""
         payload = bytearray(self._template)
         struct.pack_into("<iI", payload, 4, *stamp(wall_s))
         self._numbers.pack_into(payload, self._effort, *effort)
@@ -71,7 +69,7 @@ class JointStates:
 
 
 def wrench_stamped(wall_s: float, frame: str, force: Sequence[float]) -> bytes:
-    """geometry_msgs/msg/WrenchStamped: force (3,) [N]; no torque."""
+    """Message geometry_msgs/msg/WrenchStamped with force (3,) [N] and zero torque."""
     writer = Writer()
     seconds, nanoseconds = stamp(wall_s)
     writer.int32(seconds)
@@ -83,7 +81,7 @@ def wrench_stamped(wall_s: float, frame: str, force: Sequence[float]) -> bytes:
 
 
 def numbers(values: Sequence[float]) -> bytes:
-    """std_msgs/msg/Float64MultiArray without dimensions."""
+    """Message std_msgs/msg/Float64MultiArray without dimensions."""
     writer = Writer()
     writer.uint32(0)
     writer.uint32(0)
@@ -93,28 +91,28 @@ def numbers(values: Sequence[float]) -> bytes:
 
 
 def stamp(wall_s: float) -> tuple[int, int]:
-    """Seconds and nanoseconds of a builtin_interfaces/msg/Time, to the microsecond that a Unix time
-    as a float holds."""
+    """Seconds and nanoseconds of a builtin_interfaces/msg/Time, rounded to microseconds, the
+    resolution of a Unix time as a float."""
     seconds, microseconds = divmod(round(wall_s * 1e6), 1_000_000)
     return seconds, microseconds * 1000
 
 
 def string(text: str) -> bytes:
-    """std_msgs/msg/String."""
+    """Message std_msgs/msg/String."""
     writer = Writer()
     writer.text(text)
     return bytes(writer.payload)
 
 
 def diagnostic_status(diagnosis: Diagnosis) -> bytes:
-    """diagnostic_msgs/msg/DiagnosticStatus."""
+    """Message diagnostic_msgs/msg/DiagnosticStatus."""
     writer = Writer()
     _write(writer, diagnosis)
     return bytes(writer.payload)
 
 
 def diagnostic_array(wall_s: float, diagnoses: Sequence[Diagnosis]) -> bytes:
-    """diagnostic_msgs/msg/DiagnosticArray."""
+    """Message diagnostic_msgs/msg/DiagnosticArray."""
     writer = Writer()
     seconds, nanoseconds = stamp(wall_s)
     writer.int32(seconds)
@@ -147,7 +145,7 @@ def _write(writer: Writer, diagnosis: Diagnosis) -> None:
 
 @dataclass(frozen=True, slots=True)
 class JointTarget:
-    """Target in a JointState: names, positions [rad], velocities [rad/s] or none, time [s]."""
+    """Target from a JointState: names, positions [rad], velocities [rad/s] or empty, time [s]."""
 
     stamp_s: float
     names: list[str]
@@ -156,15 +154,15 @@ class JointTarget:
 
 
 def read_joint_target(payload: bytes) -> JointTarget:
-    """Target in a received JointState. Raises CdrError for anything else, and for numbers that are
-    not finite."""
+    """Target from a received JointState. Raises CdrError for anything else, or numbers that are not
+    finite."""
     reader = Reader(payload)
     seconds, nanoseconds = reader.uint32(), reader.uint32()
     reader.text()
     names = reader.texts(MOST_JOINTS)
     position, velocity = reader.doubles(MOST_JOINTS), reader.doubles(MOST_JOINTS)
     if not all(map(math.isfinite, (*position, *velocity))):
-        raise CdrError("a target is no number")
+        raise CdrError("a target is not a finite number")
     return JointTarget(seconds + 1e-9 * nanoseconds, names, position, velocity)
 
 
@@ -191,7 +189,7 @@ def read_outcome(payload: bytes) -> tuple[bool, str]:
 def _read(reader: Reader) -> Diagnosis:
     level = reader.byte()
     if level > Level.STALE:
-        raise CdrError(f"no level of a diagnosis: {level}")
+        raise CdrError(f"diagnosis level {level}: must be at most {Level.STALE:d}")
     name, message, hardware_id = reader.text(), reader.text(), reader.text()
     pairs = range(reader.uint32())
     values = tuple((reader.text(), reader.text()) for _ in pairs)

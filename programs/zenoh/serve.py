@@ -1,4 +1,4 @@
-"""`contactd-zenoh` at work: takes every State from the view socket and publishes it, for ever."""
+"""Main loop of `contactd-zenoh`: receives States from the view socket and publishes them."""
 
 import logging
 import threading
@@ -25,15 +25,15 @@ from programs.zenoh.services import Offer, actions, trigger
 
 RETRY_S: Final = 0.25
 DIAGNOSTICS_S: Final = 1.0
-#: A status costs the daemon more than a tick's States do, and what only it has changes slowly.
+#: A Status costs the daemon more than a tick's States, and values that only it has change slowly.
 STATUS_EVERY_S: Final = 60.0
 STATUS_APART_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Settings from the command line; `control` is the control socket, or None; only through it may
-    others arm the arm, where `arming` allows it."""
+    """Settings from the command line; `control`: the control socket or None, required for `arming`
+    by others."""
 
     view: Path
     control: Path | None
@@ -41,7 +41,7 @@ class Settings:
     connect: tuple[str, ...]
     configuration: Path | None
     arming: bool = False
-    following: bool = False  # targets from the network, likewise
+    following: bool = False  # accept targets from the network; also requires `control`
 
 
 def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
@@ -49,7 +49,7 @@ def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     try:
         config = configuration(settings.connect, settings.configuration)
-        say(f"looks for a router: {settings.configuration or ', '.join(settings.connect)}")
+        say(f"looking for a router: {settings.configuration or ', '.join(settings.connect)}")
         with session_of(config) as session:
             node = replace(settings.node, zid=str(session.zid()))
             bridge = Bridge(settings.view, node, say, ended)
@@ -82,21 +82,21 @@ def offers(settings: Settings) -> dict[str, Offer]:
 
 
 class Bridge:
-    """States of one daemon on their way to the graph."""
+    """Bridge that publishes the States of one daemon."""
 
     def __init__(self, view: Path, node: Node, say: Say, ended: threading.Event) -> None:
         self._view, self._say, self._ended = view, say, ended
         self.joints: list[str] = []
-        """of the daemon that it has joined"""
+        """Joints of the daemon that was joined last."""
         self._arm = node.namespace.strip("/") or node.name
         self._status: Status | None = None
-        self._wanted = threading.Event()  # a new status
+        self._wanted = threading.Event()  # set if a new Status is wanted
         self._said = ""
-        self._due_s = 0.0  # of the next message on /diagnostics, by the monotonic clock
+        self._due_s = 0.0  # monotonic time of the next message on /diagnostics
         self._key: diagnoses.Key = ()
 
     def run(self, graph: Graph) -> None:
-        """Follow the daemon until the end; join it again whenever it was gone."""
+        """Publish the daemon's States until the end; rejoin it whenever it was gone."""
         self._graph = graph
         asker = threading.Thread(target=self._ask, name="status", daemon=True)
         asker.start()
@@ -148,7 +148,8 @@ class Bridge:
         self._graph.publishers["/diagnostics"].put(diagnostic_array(wall_s, found))
 
     def _ask(self) -> None:
-        """Ask for what no State has: once joined, at a fault, and now and then."""
+        """Request a Status, for values that States lack: after joining, at a fault, and every
+        STATUS_EVERY_S."""
         while not self._ended.is_set():
             self._wanted.wait(STATUS_EVERY_S)
             self._wanted.clear()

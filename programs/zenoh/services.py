@@ -1,8 +1,8 @@
-"""Services of an arm: calls carried out at the daemon's sockets, bounded.
+"""Services of an arm, which carry out calls through the daemon's sockets, at a bounded rate.
 
-`stop` and `disarm` go through the view socket; `reset` only where the control socket was given. One
-thread for each service takes all calls that wait, carries the command out once, and answers them
-all: a thousand calls a second are a few commands. No call waits behind another service. `arm` is in
+`stop` and `disarm` use the view socket; `reset` requires the control socket. Each service has a
+thread that takes all waiting calls, carries out the command once, and answers them all, so that a
+thousand calls a second are a few commands. Services do not delay each other. `arm` is in
 `arming.py`.
 """
 
@@ -24,18 +24,18 @@ from programs.zenoh.names import Endpoint, Kind, Node, Qos
 
 MOST_WAITING: Final = 64
 TRIGGER: Final = "std_srvs/srv/Trigger"
-BUSY: Final = "busy: too many calls wait"
+BUSY: Final = "busy: too many calls are waiting"
 
 Outcome = tuple[bool, str]
 Act = Callable[[str], Outcome]
 
 
 class Call(Protocol):
-    """A call from outside that is answered once: by a payload, or by an error in words."""
+    """Call from the network, answered once, by a payload or an error message."""
 
     @property
     def request(self) -> bytes:
-        """Its payload."""
+        """Payload of the request."""
 
     @property
     def caller(self) -> str:
@@ -43,23 +43,23 @@ class Call(Protocol):
 
     @property
     def gid(self) -> bytes:
-        """GID of the caller, zeros where it is not known."""
+        """GID of the caller; zeros if unknown."""
 
     @property
     def sent_s(self) -> float:
         """Time at which it was sent, by the caller's clock [s]."""
 
     def answer(self, payload: bytes) -> None:
-        """Answer it."""
+        """Answer with a payload."""
 
     def refuse(self, why: str) -> None:
-        """Answer that it was no call."""
+        """Answer with an error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A service: its type; `check`, which raises CdrError for what is no request; `answer`, one
-    payload for each call; and what is to be closed at its end."""
+    """Service to offer: its type; `check`, which raises CdrError for an invalid request; `answer`,
+    which returns a payload for each call; and `close`, called at its end."""
 
     type_name: str
     check: Callable[[bytes], object]
@@ -68,7 +68,7 @@ class Offer:
 
 
 def trigger(act: Act) -> Offer:
-    """A service that does `act` once for all calls that wait."""
+    """Service that carries out `act` once for all waiting calls."""
 
     def answer(calls: Sequence[Call]) -> list[bytes]:
         return [outcome(*act(calls[0].caller))] * len(calls)
@@ -77,8 +77,7 @@ def trigger(act: Act) -> Offer:
 
 
 def actions(view: Path, control: Path | None) -> dict[str, Act]:
-    """Acts of the services of type Trigger, by name: without the control socket none that needs
-    it."""
+    """Acts of the services of type Trigger, by name; `reset` only with the control socket."""
     made: dict[str, Act] = {
         "stop": lambda who: _halt(view, "stop", who),
         "disarm": lambda who: _halt(view, "disarm", who),
@@ -89,7 +88,7 @@ def actions(view: Path, control: Path | None) -> dict[str, Act]:
 
 
 def endpoint(node: Node, name: str, type_name: str = TRIGGER) -> Endpoint:
-    """The service's endpoint."""
+    """Endpoint of a service."""
     return Endpoint(Kind.SERVICE, node.absolute(name), type_name, Qos.DEFAULT)
 
 
@@ -109,7 +108,7 @@ def _reset(control: Path, who: str) -> Outcome:
 
 
 class Service:
-    """One service, from construction to `close`; `put` is called from any thread."""
+    """One service, from construction to `close`; `put` may be called from any thread."""
 
     def __init__(self, name: str, offer: Offer) -> None:
         self._offer = offer
@@ -120,7 +119,7 @@ class Service:
         self._thread.start()
 
     def put(self, call: Call) -> None:
-        """Take a call, or refuse it: what is no request, and what finds no place."""
+        """Queue a call; refuse it if it is invalid or the queue is full."""
         try:
             self._offer.check(call.request)
         except CdrError as error:
@@ -135,7 +134,7 @@ class Service:
             call.refuse(BUSY)
 
     def close(self) -> None:
-        """End; calls that wait are refused."""
+        """End the service; waiting calls are refused."""
         with self._changed:
             self.ended = True
             self._changed.notify()
@@ -158,9 +157,9 @@ class Service:
     def _answer(self, calls: Sequence[Call]) -> None:
         try:
             payloads = self._offer.answer(calls)
-        except OSError as error:  # as without a file descriptor left: `stop` must outlive that
+        except OSError as error:  # e.g. out of file descriptors, which `stop` must survive
             for call in calls:
-                call.refuse(f"this machine fails: {error}")
+                call.refuse(f"system error: {error}")
             return
         for call, payload in zip(calls, payloads, strict=True):
             call.answer(payload)

@@ -1,4 +1,4 @@
-"""Supervisor of a fleet: arms heard over Zenoh, and stops for them."""
+"""Supervisor of a fleet: observes and stops arms over Zenoh."""
 
 import contextlib
 import itertools
@@ -20,14 +20,14 @@ from programs.zenoh.services import TRIGGER
 from programs.zenoh.topics import TOPICS
 
 STOP_S: Final = 2.0
-MEET_S: Final = 1.0  # in which a router sends a newcomer all tokens
+MEET_S: Final = 1.0  # time in which a router sends a new client all tokens
 LOOKS_EVERY_S: Final = 0.02
 EMPTY: Final = HEADER + b"\0"
 Outcome = Literal["stands", "not seen to stand", "no answer"]
 
 
 class Supervisor:
-    """Listener to all arms of a domain, from construction to `close`."""
+    """Supervisor of all arms of a domain, used as a context."""
 
     def __init__(self, session: zenoh.Session, domain: int, distro: Distro) -> None:
         self._session, self._domain, self._distro = session, domain, distro
@@ -54,18 +54,17 @@ class Supervisor:
         self._close()
 
     def arms(self) -> list[Arm]:
-        """Every arm that was ever seen, by name."""
+        """All arms known, sorted by name."""
         with self._lock:
             return [self._fleet.arms[name] for name in sorted(self._fleet.arms)]
 
     def stop(self, names: Iterable[str]) -> dict[str, tuple[Outcome, str]]:
-        """Stop these arms, all at once; returns the outcome of each within STOP_S, and its
-        message."""
-        asked = {name: self._ask(name) for name in names}  # each waits by itself
+        """Stop these arms, all at once; returns each outcome within STOP_S, and its message."""
+        asked = {name: self._ask(name) for name in names}  # all requests are sent before waiting
         return {name: _outcome(replies) for name, replies in asked.items()}
 
     def stop_all(self) -> dict[str, tuple[Outcome, str]]:
-        """Stop every arm that is alive, each as soon as it is known of, for MEET_S; otherwise as
+        """Stop all arms that are alive, each as soon as it is discovered within MEET_S; returns as
         `stop`."""
         asked: dict[str, Iterable[zenoh.Reply]] = {}
         until_s = time.monotonic() + MEET_S
@@ -80,7 +79,7 @@ class Supervisor:
         node = Node(self._domain, f"/{name}", "contactd", self._distro)
         service = Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT)
         about = attachment(next(self._numbers), time.time_ns(), self._gid)
-        return self._session.get(  # every one of this name, and the answer of each
+        return self._session.get(  # queries all nodes of this name, and yields all their answers
             node.key(service),
             payload=EMPTY,
             attachment=about,
@@ -119,8 +118,8 @@ class Supervisor:
 def supervising(
     connect: tuple[str, ...], file: Path | None, domain: int, distro: Distro, patience_ms: int
 ) -> Iterator[Supervisor]:
-    """A supervisor at these routers, or as a file says, while the block lasts. Raises
-    UnreachableError where there is no router within `patience_ms` [ms], ConfigurationError as
+    """Context with a supervisor at these routers, or by a configuration file. Raises
+    UnreachableError if no router answers within `patience_ms`, ConfigurationError as
     `configuration`."""
     config = configuration(connect, file, patience_ms)
     try:
@@ -133,7 +132,7 @@ def supervising(
 
 
 def _outcome(replies: Iterable[zenoh.Reply]) -> tuple[Outcome, str]:
-    """Outcome of an arm: it stands if every node of its name confirms it."""
+    """Outcome of an arm, which stands if all nodes of its name confirm it."""
     found: tuple[Outcome, str] = ("no answer", "")
     for reply in replies:
         found = _answer(reply)
@@ -148,5 +147,5 @@ def _answer(reply: zenoh.Reply) -> tuple[Outcome, str]:
     try:
         done, text = read_outcome(reply.ok.payload.to_bytes())
     except CdrError as error:
-        return "not seen to stand", f"its answer is none: {error}"
+        return "not seen to stand", f"invalid answer: {error}"
     return ("stands" if done else "not seen to stand"), shown(text)

@@ -1,16 +1,16 @@
-"""Topics of an arm: each State as messages of ROS 2. Pure.
+"""Topics of an arm: States as ROS 2 messages. Pure.
 
 | topic | type | when |
 |---|---|---|
 | `joint_states` | JointState | every tick: q, q_dot, and as effort the motor's torque at the link |
-| `external_torque` | JointState | every tick: the residual as effort; NaN: senses nothing |
-| `contact_threshold` | JointState | every tick: the level in force as effort |
-| `wrench` | WrenchStamped | every tick: the force at the tool; NaN: the mode senses nothing |
-| `wrench_covariance` | Float64MultiArray | its error (9), strength, misfit |
-| `contact` | DiagnosticStatus | a contact begins: WARN; a collision: ERROR |
-| `robot_description` | String, latched | joined: the URDF |
-| `joint_targets` | JointState | taken with --allow-follow: targets to follow |
-| `/diagnostics` | DiagnosticArray | each second, and when its content changes |
+| `external_torque` | JointState | every tick: the residual as effort; NaN: not sensing |
+| `contact_threshold` | JointState | every tick: the threshold in force as effort |
+| `wrench` | WrenchStamped | every tick: the force at the tool; NaN: mode without sensing |
+| `wrench_covariance` | Float64MultiArray | every tick: covariance (9), strength, misfit |
+| `contact` | DiagnosticStatus | at a contact: WARN; at a collision: ERROR |
+| `robot_description` | String, latched | after joining the daemon: the URDF |
+| `joint_targets` | JointState | subscribed with --allow-follow: targets to follow |
+| `/diagnostics` | DiagnosticArray | every second, and when its content changes |
 """
 
 import math
@@ -30,7 +30,7 @@ from programs.zenoh.messages import (
 from programs.zenoh.names import Endpoint, Kind, Node, Qos
 
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
-#: Each topic's type and QoS, by its name below the namespace.
+#: Type and QoS of each topic, by its name in the namespace.
 TOPICS: Final = {
     "joint_states": (JOINT_STATE, Qos.DEFAULT),
     "external_torque": (JOINT_STATE, Qos.DEFAULT),
@@ -60,7 +60,7 @@ def endpoints(node: Node) -> dict[str, Endpoint]:
 
 
 class Topics:
-    """Messages of one arm, from its Snapshot on."""
+    """Encoder of one arm's messages, from its Snapshot."""
 
     def __init__(self, snapshot: Snapshot, arm: str) -> None:
         self._arm, self._axes = arm, snapshot.wrench_axes
@@ -69,7 +69,7 @@ class Topics:
         self.description = string(snapshot.urdf)
 
     def of(self, state: State) -> list[tuple[str, bytes]]:
-        """Topic and payload of each message that this tick has."""
+        """Topic and payload of each message for this tick."""
         wall_s = state.timing.wall_s
         torque = self._moving.encode(
             wall_s, state.motor_torque, state.link_position, state.link_velocity
@@ -112,7 +112,7 @@ class Topics:
 
 
 def external_torque(state: State) -> list[float]:
-    """The residual [Nm], NaN for each joint that senses nothing now: its contact is not known."""
+    """Residual [Nm], NaN for joints that do not sense contact now."""
     if state.sensing is None or all(state.sensing):
         return state.residual
     return [

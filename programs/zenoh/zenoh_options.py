@@ -1,4 +1,4 @@
-"""Options of both programs that speak Zenoh: the router, and the nodes they speak to."""
+"""Options shared by the programs that use Zenoh: router, domain and distribution."""
 
 from collections.abc import Callable
 from typing import Any
@@ -33,13 +33,13 @@ _OPTIONS = (
         type=click.Choice(DISTROS),
         default="jazzy",
         show_default=True,
-        help="Distribution of the others: Humble has no type hashes in its keys.",
+        help="ROS 2 distribution of the other nodes; Humble has no type hashes.",
     ),
 )
 
 
 def zenoh_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `connect`, `configuration`, `domain` and `distro`."""
+    """Decorator that adds the options `connect`, `configuration`, `domain` and `distro`."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command

@@ -93,7 +93,7 @@ def test_where_what_answers_is_not_understood(tmp_path: Path) -> None:
     with door(tmp_path / "control", lambda _: b"{"):
         result = say(tmp_path / "control", "stop")
     assert result.exit_code == 1
-    assert result.stderr.startswith(f"{AT_ONCE}the daemon speaks another version")
+    assert result.stderr.startswith(f"{AT_ONCE}the daemon has another version")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

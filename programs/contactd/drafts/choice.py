@@ -1,5 +1,5 @@
-"""Choice of a drive's objects for each quantity: by index, name, access and PDO mapping alone. A
-parameter that can be written is never taken for a measurement."""
+"""Choice of a drive's object for each quantity, by index, name, access type and PDO mappability
+alone. A writable parameter is never chosen as a measurement."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -13,10 +13,10 @@ Object = tuple[int, int]
 Words = frozenset[str]
 
 NO_LINK_ENCODER = (
-    "nothing here is a link encoder. 0x6064 is taken to be the motor's, through the gear: play and "
-    "twist of the gear are then not seen, and half_gap is 0 (docs/identification.md)"
+    "no object here is a link encoder. 0x6064 is assumed to be the motor's, divided by the gear: "
+    "backlash and compliance of the gear are not seen, half_gap is 0 (docs/identification.md)"
 )
-_SET_UP = "which sensor is where is the drive's set-up: turn the motor by hand and read all"
+_SET_UP = "which sensor it is depends on the drive's set-up: turn the motor by hand and read all"
 _MAKERS_OWN = range(0x2000, 0x6000)
 _POSITIONS = (0x6063, 0x6064, 0x60E4)
 _SECOND_SENSORS: tuple[Object, ...] = ((0x60E4, 1), (0x60E4, 2), (0x60E4, 3))
@@ -36,15 +36,13 @@ _NO_MEASUREMENT = NO_MEASUREMENT | _any(
     "filter difference resolution factor index "
     "status function settings captured capture edge probe number type bias test correction range"
 )
-"""Words in the names of objects that are a setpoint, a limit or a parameter."""
+"""Words that mark an object's name as a setpoint, limit or parameter rather than a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Objects of CiA 402, or words: one of each set is in the name of a maker's own object.
-
-    doubt: question about the object itself, which its manual has to answer.
-    """
+    """Rule that matches objects of CiA 402, or manufacturer-specific objects whose names contain a
+    word of each set. doubt: open question about a match, which the drive's manual has to answer."""
 
     objects: tuple[Object, ...] = ()
     words: tuple[Words, ...] = ()
@@ -69,14 +67,14 @@ RULES: Mapping[str, tuple[Rule, ...]] = {
     "quick_stop_deceleration": (Rule(((0x6085, 0),)),),
     "max_motor_speed": (Rule(((0x6080, 0), (0x607F, 0))),),
 }
-"""For each quantity, the surest rule first."""
+"""Rules for each quantity, the most certain first."""
 MEASURED = ("current", "torque", "motor_velocity", "link_position", "motor_position")
 _MAPPED = (*MEASURED, "target_velocity")
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Object that may hold a quantity."""
+    """Candidate object for a quantity."""
 
     index: int
     subindex: int
@@ -96,7 +94,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Object of a quantity, its runners-up, and what resembles it but may not be taken."""
+    """Chosen object of a quantity, other candidates, and similar objects that were ruled out."""
 
     chosen: Found | None
     others: tuple[Found, ...] = ()
@@ -107,8 +105,8 @@ def choose(
     sheet: DataSheet, quantity: str, taken: frozenset[Object] = frozenset(),
     named: Object | None = None,
 ) -> Choice:  # fmt: skip
-    """Choice for a quantity among objects that are not taken. named: the object that the user
-    names. Raises ConfigurationError where that one may not be taken."""
+    """Choice for a quantity among objects that are not taken yet. named: the object that the user
+    gives instead. Raises ConfigurationError if that object is missing or unfit."""
     if named is not None:
         return Choice(_by_hand(sheet, quantity, named))
     found: dict[Object, Found] = {}
@@ -125,7 +123,7 @@ def choose(
     for variable in _alike(sheet, quantity):
         one = _found(variable)
         if one.where not in (*found, *taken):
-            why = _unfit(variable, quantity) or "is no measurement by its name"
+            why = _unfit(variable, quantity) or "is not a measurement by its name"
             passed_over.setdefault(one.where, f"{one} {why}")
     chosen = next(iter(found.values()), None)
     others = tuple(found.values())[1:]
@@ -135,10 +133,10 @@ def choose(
 
 
 def looked_at(sheet: DataSheet, quantities: tuple[str, ...]) -> str:
-    """Objects that were looked at for quantities of which none was found, with reasons."""
+    """Objects that were considered for quantities that were not found, with reasons."""
     standard = (place for q in quantities for rule in RULES[q] for place in rule.objects)
     missing = [
-        f"0x{place[0]:04X}:{place[1]:02X} is not there"
+        f"0x{place[0]:04X}:{place[1]:02X} is missing"
         for place in dict.fromkeys(standard)
         if find_object(sheet, *place) is None
     ]
@@ -153,7 +151,7 @@ def _of_rule(sheet: DataSheet, rule: Rule) -> Iterator[Variable]:
         if (variable := find_object(sheet, *place)) is not None:
             yield variable
     if rule.words:
-        # A stable sort: of two alike the one that is not delayed.
+        # The sort is stable and puts averaged (delayed) values last.
         for variable in sorted(_own(sheet), key=lambda one: bool(words_of(one.name) & AVERAGED)):
             words = words_of(variable.name)
             if all(words & group for group in rule.words) and not words & _NO_MEASUREMENT:
@@ -161,13 +159,14 @@ def _of_rule(sheet: DataSheet, rule: Rule) -> Iterator[Variable]:
 
 
 def _of_motor(sheet: DataSheet) -> bool:
-    """True if a position says by its name that it is the motor's, so that 0x6064 may be another."""
+    """True if another object is by name the motor position, so that 0x6064 may be the link's."""
     (rule, *_) = RULES["motor_position"]
     return any(not _unfit(variable, "motor_position") for variable in _of_rule(sheet, rule))
 
 
 def _own(sheet: DataSheet) -> Iterator[Variable]:
-    """Variables of the maker's own, and positions of CiA 402, whose names say of what."""
+    """Manufacturer-specific variables, and position objects of CiA 402, whose names may say which
+    sensor they read."""
     for index in sheet:
         if index in _MAKERS_OWN or index in _POSITIONS:
             members = getattr(sheet[index], "subindices", None)
@@ -177,7 +176,7 @@ def _own(sheet: DataSheet) -> Iterator[Variable]:
 
 
 def _alike(sheet: DataSheet, quantity: str) -> Iterator[Variable]:
-    """Variables of the maker's own whose names have the word of a measured quantity."""
+    """Manufacturer-specific variables whose names contain the word of a measured quantity."""
     first = {"current": "current", "torque": "torque", "motor_velocity": "velocity",
              "link_position": "position", "motor_position": "position"}  # fmt: skip
     for variable in _own(sheet):
@@ -191,9 +190,9 @@ def _found(variable: Variable, doubt: str = "") -> Found:
 
 
 def _unfit(variable: Variable, quantity: str) -> str:
-    """Reason why an object cannot hold a quantity; empty where it can."""
+    """Reason why an object cannot be used for a quantity; empty if it can."""
     if type_name(variable) not in STRUCT_CODES:
-        return "is no integer of 8, 16 or 32 bits"
+        return "is not an integer of 8, 16 or 32 bits"
     if quantity in MEASURED and variable.writable:
         return f"can be written (access {variable.access_type}): a parameter, not a measurement"
     if quantity not in MEASURED and not variable.writable:

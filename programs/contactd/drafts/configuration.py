@@ -1,6 +1,5 @@
-"""Draft of a configuration from a URDF and its drives: every value that they do not
-contain is a guess with which the motors hold the arm, marked `# CHECK`, so that the draft passes
-`contactd check`."""
+"""Draft of a configuration from a URDF and its drives. Values that these do not contain are guessed
+and marked `# CHECK`; guessed motors can hold the arm, so that the draft passes `contactd check`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,15 +19,15 @@ from programs.identify.guesses import MARK
 
 Draft = DraftedDrive | DraftedMotor
 
-INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
-SLOWLY = 0.5  # [rad/s]
+INSIDE = 0.05  # margin inside the URDF's limits [rad], at most a tenth of the range
+SLOWLY = 0.5  # velocity limit of a draft [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
-FRICTION_OFF = 0.3  # most by which levels are raised, as friction is a guess [Nm]
-STRONGEST = 3000.0  # [Nm] at a joint: an arm beyond this is not one that a person may touch
+FRICTION_OFF = 0.3  # largest increase of contact levels for guessed friction [Nm]
+STRONGEST = 3000.0  # [Nm] at a joint: more implies wrong units, or an arm too strong to be touched
 
 
 def guesses(text: str) -> int:
-    """Lines of a configuration that are marked as guesses."""
+    """Number of lines of a configuration that are marked as guesses."""
     return sum(MARK in line for line in text.splitlines())
 
 
@@ -43,7 +42,7 @@ HEAD = """\
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Joints of an arm in the order of the URDF, what they carry, and the drive of each."""
+    """Joints of an arm in URDF order, their loads, and the drive of each."""
 
     joints: Sequence[JointRange]
     loads: Sequence[Load]
@@ -62,8 +61,8 @@ class Plan:
 
 
 def planned(urdf: str, urdf_name: str, drives: Mapping[str, Draft], order: Sequence[str]) -> Plan:
-    """Plan of an arm; each joint gets the next drive of the `order`, and the remaining joints the
-    last. Raises ConfigurationError for a URDF without usable joints."""
+    """Plan of an arm: each joint gets the next drive in `order`, remaining joints the last one.
+    Raises ConfigurationError for a URDF without usable joints."""
     ranges = _moving(urdf, urdf_name)
     if len(order) > len(ranges):
         raise ConfigurationError(
@@ -133,7 +132,8 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
 
 
 def _loads(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
-    """Loads of the joints. Raises ConfigurationError for an arm that no motor can carry."""
+    """Worst-case loads of the joints over random poses. Raises ConfigurationError for an arm that
+    no motor can carry."""
     try:
         model = Model(urdf, names)
     except ModelError as error:
@@ -148,7 +148,7 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
         reasons = [f"{urdf_name}, {place}: {what}" for place, what in urdf_mistakes(urdf)]
         summary = (
             f"{urdf_name}: joint {names[i]!r} would need a motor of {figure(motors[i])} Nm, "
-            f"at most {STRONGEST:g} can be: are masses in kg, inertias in kg m2 and lengths in m?"
+            f"at most {STRONGEST:g} is allowed: are masses in kg, inertias in kg m2, lengths in m?"
         )
         raise ConfigurationError("\n".join([summary, *reasons]))
     return loads
@@ -157,7 +157,7 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
 def _joint(
     i: int, one: JointRange, load: Load, profile: str, drive: Draft, *, several: bool
 ) -> str:
-    """Entry of a joint whose motor can carry it."""
+    """`joints` entry of config.yaml, with a motor that can carry the joint."""
     inside = min(INSIDE, 0.1 * (one.upper - one.lower))
     velocity = min(SLOWLY, one.velocity or SLOWLY)
     motor = drive.motor(load)

@@ -1,8 +1,7 @@
-"""Draft of a drive profile from its EDS: objects with their scales and reasons, a PDO mapping that
-fits, and the verdict whether contactd can use the drive.
+"""Draft of a drive profile from its EDS: objects with their scales and reasons, a PDO mapping, and
+a verdict on whether contactd can use the drive.
 
-What an EDS does not say is asked for in the comment of its line, `# CHECK`: it is in the manual
-only.
+The comment `# CHECK` of a line asks for what an EDS does not contain and only the manual says.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,13 +31,13 @@ ORDER = ("effort", "link_position", "motor_velocity", "motor_position", "target_
          "quick_stop_deceleration", "max_motor_speed")  # fmt: skip
 OPTIONAL = ("motor_position", "max_motor_speed")
 _LIMITS = (0x6072, 0x6073)
-SHAFT_CONSTANT = 0.04  # of usual motors [Nm/A]
-PEAK = 1.8  # times the rated current
+SHAFT_CONSTANT = 0.04  # torque constant of a typical motor at its shaft [Nm/A]
+PEAK = 1.8  # peak current over rated current
 
 
 @dataclass(frozen=True, slots=True)
 class Drafted:
-    """One quantity: its object, its runners-up, and its scale."""
+    """One quantity: its object, the other candidates, and its scale."""
 
     name: str
     object: Found
@@ -47,11 +46,11 @@ class Drafted:
 
     @property
     def asked(self) -> bool:
-        """True if the object, and not the scale alone, is a guess."""
+        """True if the choice of the object itself is a guess."""
         return bool(self.object.doubt)
 
     def line(self) -> str:
-        """Line of `config.yaml`, with reasons and runners-up."""
+        """Line of `config.yaml`, with reasons and other candidates."""
         where = self.object
         sub = f", subindex: {where.subindex}" if where.subindex else ""
         check = "" if self.scale.sure and not self.asked else "CHECK: "
@@ -65,8 +64,8 @@ class Drafted:
 
 @dataclass(frozen=True, slots=True)
 class DraftedDrive:
-    """Drafted profile: the name of its EDS, its quantities and PDOs, the largest torque as a share
-    of the rated one (None: the EDS does not say), and what the drive can be used with."""
+    """Drafted profile: file name of its EDS, quantities and PDOs, peak torque over rated torque
+    (None: not in the EDS), and conditions for its use."""
 
     eds: str
     quantities: dict[str, Drafted]
@@ -76,24 +75,24 @@ class DraftedDrive:
 
     @property
     def link_encoder(self) -> bool:
-        """True unless the motor's encoder stands for one."""
+        """True unless the motor encoder substitutes for a link encoder."""
         return self.quantities["link_position"].object.doubt != NO_LINK_ENCODER
 
     @property
     def sends_motor_position(self) -> bool:
-        """True where its PDOs carry it."""
+        """True if a TPDO carries the motor position."""
         return "motor_position" in self.quantities
 
     def verdict(self, loads: Sequence[Load] = ()) -> str:
-        """Sentence on whether contactd can use the drive."""
+        """Words on whether, and under which conditions, contactd can use the drive."""
         return "can be used" + (f" {'; '.join(self.settings)}" if self.settings else "")
 
     def motor(self, load: Load) -> Motor:
-        """Guess of a usual motor that can carry a joint."""
+        """Guess of a typical motor that can carry a joint."""
         constant = SHAFT_CONSTANT * GEAR * 0.8
         peak = min(PEAK, self.peak or PEAK)
         rated = float(figure(load.torque / constant / peak))
-        # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
+        # Typical of such a motor; with a much lighter rotor no velocity loop is stable in the gap.
         usual = 3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2
         return Motor(
             gear=GEAR, rated_A=rated, max_A=peak * rated, constant=constant,
@@ -117,8 +116,8 @@ class DraftedDrive:
 def drafted_drive(
     sheet: DataSheet, eds: str, by_hand: Mapping[str, Object] | None = None
 ) -> DraftedDrive:
-    """Profile of the drive of an EDS. by_hand: objects that the user names, by quantity. Raises
-    ConfigurationError with every reason why contactd cannot use the drive."""
+    """Drafted profile from an EDS. by_hand: objects that the user gives, by quantity. Raises
+    ConfigurationError that lists every reason why contactd cannot use the drive."""
     named = by_hand or {}
     try:
         choices = choices_of(sheet, named)
@@ -144,8 +143,8 @@ def drafted_drive(
 
 
 def choices_of(sheet: DataSheet, named: Mapping[str, Object]) -> dict[str, Choice]:
-    """Choices for all quantities; of current and torque the one that is surer, and the other only
-    as a runner-up. An object is taken once."""
+    """Choices for all quantities, each object used once. Of current and torque only the more
+    certain one is chosen; the other can appear among its candidates."""
     found: dict[str, Choice] = {}
     taken: set[Object] = set(named.values())
     for name in ORDER:
@@ -171,8 +170,8 @@ def _effort(sheet: DataSheet, named: Mapping[str, Object]) -> str:
 
 
 def _beside(choice: Choice, link: Found) -> Choice:
-    """Motor position beside a link position: none from the same encoder, as 0x6063 and 0x6064 are
-    unless a name says otherwise, and in doubt beside one in doubt."""
+    """Choice of the motor position, given the link position. None if both come from one encoder, as
+    0x6063 and 0x6064 do unless a name says otherwise; as doubtful as the link position."""
     one = choice.chosen
     if one is None or link.doubt == NO_LINK_ENCODER:
         return Choice(None)
@@ -184,7 +183,7 @@ def _beside(choice: Choice, link: Found) -> Choice:
 
 
 def _obstacles(sheet: DataSheet) -> Iterator[str]:
-    """Features that contactd requires of every drive and this EDS lacks."""
+    """Features that contactd requires of every drive and that this EDS lacks."""
     for (index, subindex), what in FOLLOWS.items():
         if find_object(sheet, index, subindex) is None:
             yield f"without 0x{index:04X}:{subindex:02X} {what}"
@@ -202,29 +201,29 @@ def _unfound(sheet: DataSheet, choices: Mapping[str, Choice]) -> Iterator[str]:
             effort = name in ("current", "torque")
             quantities = ("current", "torque") if effort else (name,)
             yield (
-                f"nothing in its EDS is surely its {' or '.join(quantities)}: "
+                f"no object in its EDS is certain to be its {' or '.join(quantities)}: "
                 f"{looked_at(sheet, quantities)}; name it by --object {name}=0xINDEX:SUB, if its "
                 "manual has one"
             )
 
 
 def _settings(sheet: DataSheet, quantities: Mapping[str, Drafted]) -> Iterator[str]:
-    """Settings and conditions under which the drive can be used."""
+    """Conditions under which the drive can be used."""
     modes = find_object(sheet, 0x6502)
     if modes is None or not isinstance(modes.default, int):
         yield "if its manual has mode 9 (cyclic synchronous velocity), as 0x6502 has no value here"
     if quantities["link_position"].object.doubt == NO_LINK_ENCODER:
         yield (
-            "with half_gap 0, as nothing here is a link encoder (--object link_position=0x6064, if "
+            "with half_gap 0, as no object is a link encoder (--object link_position=0x6064, if "
             "that is one)"
         )
     doubtful = [name for name, one in quantities.items() if one.asked]
     if doubtful:
-        yield f"with {' and '.join(doubtful)} as you find them when you turn the motor (CHECK)"
+        yield f"once you have checked {' and '.join(doubtful)} by turning the motor (CHECK)"
 
 
 def _peak(sheet: DataSheet) -> float | None:
-    """Largest torque that the EDS lets contactd set, as a share of the rated one."""
+    """Largest torque limit that the EDS allows, over the rated torque; None if it states none."""
     limits = [
         value_range(variable)[1]
         for variable in (find_object(sheet, index) for index in _LIMITS)

@@ -1,7 +1,8 @@
-"""Draft of a configuration for logs alone: no drive, no node; torques by the URDF's masses. Pure.
+"""Draft of a configuration for logs alone, without drives; torque scales from the URDF's masses.
 
-Every current or torque is x = s tau + c sign(v) + d v + B a + b, with tau what moves and holds the
-links by the URDF: 1 / s is the torque constant, or what is wrong with a torque's scale or sign.
+A current or torque column is modelled as x = s tau + c sign(v) + d v + B a + b, with tau the torque
+of the rigid-body model of the URDF: 1 / s is the torque constant, or the correction of a torque's
+scale and sign. Pure functions.
 """
 
 from collections.abc import Collection, Sequence
@@ -22,21 +23,21 @@ from identification.motion_log import MotionLog
 from identification.torque_columns import torque_parts
 from programs.identify.guesses import MARK
 
-_ROWS: Final = 20_000  # of a log, for the scales
-TURNS: Final = 12.57  # limits of a joint without any, either way [rad]
-_GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides that of links [Nm]
-_SURE: Final = 0.1  # relative error of a constant that shows
-_SHOWN: Final = 0.05  # least of the links in the signal
-_GAIN: Final = 8.0  # of the filter on both sides [1/s]
-_HEADROOM: Final = 1.5  # over the fastest in the log
-_STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
-_FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
+_ROWS: Final = 20_000  # samples of a log that the scales are estimated from
+TURNS: Final = 12.57  # limits, in both directions, of a joint without limits [rad]
+_GRAVITY: Final = 0.01  # least std of the gravity torque: rotor inertia masks the links' [Nm]
+_SURE: Final = 0.1  # largest relative error of an accepted torque constant
+_SHOWN: Final = 0.05  # least share of the links' torque in the signal's std
+_GAIN: Final = 8.0  # of the low-pass filter on both sides of the regression [1/s]
+_HEADROOM: Final = 1.5  # velocity limit over the fastest motion in the log
+_STRONGEST: Final = 4.0  # current limit over the largest current in the log: others may carry more
+_FASTEST: Final = (0.05, 20.0)  # bounds of limits.velocity [rad/s]
 _PERIOD_MS: Final = (4, 100)
-_SLOWLY_MS: Final = 60  # of a period: the usual gain makes its residual swing
+_SLOWLY_MS: Final = 60  # longest period with which the default gain's residual does not oscillate
 
 
 def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
-    """URDF of which only these joints move, with limits, and what was changed."""
+    """URDF in which only these joints move, all with limits, and a description of each change."""
     root, changes = ET.fromstring(urdf), []
     for joint in root.findall("joint"):
         name, kind = joint.get("name", ""), joint.get("type", "")
@@ -58,12 +59,12 @@ def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Torque per unit of a joint's column [Nm/A, or 1], 0 where nothing shows it."""
+    """Torque per unit of a joint's column [Nm/A, or 1]; 0 if the log does not determine it."""
 
     constant: float
     error: float = 0.0
     against: bool = False
-    """its friction is negative: the sign is wrong"""
+    """Friction came out negative: the column's sign is wrong."""
 
     def __str__(self) -> str:
         if not self.constant:
@@ -72,15 +73,15 @@ class Scale:
 
 
 def scales(log: MotionLog, model: Model) -> list[Scale]:
-    """Torque per unit of each joint's column by the URDF's masses. Raises LogError."""
+    """Torque per unit of each joint's column, from the URDF's masses. Raises LogError."""
     settings = EstimatorSettings(motor_position="integrated")
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
     return [_scale(rows, i) for i in range(log.n)]
 
 
 def _scale(rows: Intervals, i: int) -> Scale:
-    """Scale of joint i; what accelerations of noise hide of the links is filtered from both sides,
-    or too little of them would show, and a torque seem too small."""
+    """Scale of joint i by least squares. Regressors and signal are low-pass filtered alike, as the
+    accelerations' noise would attenuate the estimate of s."""
     signal, weighs = rows.current[:, [i]], rows.gravity[:, i].std() > _GRAVITY
     parts = np.hstack([torque_parts(rows, i)[:, :-1], signal])
     smooth: Matrix = low_pass(parts, rows, _GAIN)
@@ -91,7 +92,7 @@ def _scale(rows: Intervals, i: int) -> Scale:
     columns /= spread
     found, *_ = np.linalg.lstsq(columns, signal - signal.mean(), rcond=None)
     rest = signal - signal.mean() - columns @ found
-    # Neighbours are alike: some hundred of them count as one.
+    # Neighbouring samples are correlated: about a hundred count as one, hence sqrt(100) = 10.
     error = np.sqrt(np.abs(np.diag(np.linalg.pinv(columns.T @ columns)))) * rest.std() * 10.0
     s = float(found[0])
     if not weighs or abs(s) < _SHOWN * signal.std() or error[0] > _SURE * abs(s):
@@ -104,7 +105,7 @@ def log_draft(
     name: str, urdf_name: str, log: MotionLog, ranges: Sequence[JointRange],
     constants: Sequence[tuple[float, str]],
 ) -> str:  # fmt: skip
-    """Text of config.yaml; constants: of each joint [Nm/A], and where it is from."""
+    """Text of config.yaml. constants: torque constant of each joint [Nm/A], and its source."""
     period_ms = int(np.clip(round(1e3 * log.period_s), *_PERIOD_MS))
     joints = "\n".join(
         _joint(i, one, log, *constant)

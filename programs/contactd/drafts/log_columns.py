@@ -1,8 +1,8 @@
-"""Columns of a stranger's log, guessed by name and content: names and units for `log_names`. Pure.
+"""Columns of a log of unknown layout, guessed by name and content, for `log_names`. Pure functions.
 
-A name is read word by word: what is measured, on which side, of which joint. Units, signs and
-gears come from the numbers: positions lie within the URDF's limits, velocities are their change,
-the motor's position follows the link's.
+The words of a column's name give quantity, side (motor or link) and joint. The data give units,
+signs and gear ratios: positions lie within the URDF's limits, velocities match the positions'
+change, the motor position follows the link position.
 """
 
 import re
@@ -36,21 +36,21 @@ _NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature 
                      "external gravity")  # fmt: skip
 _MOTOR: Final = _any("motor rotor")
 _TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetime")
-_STEPS_S: Final = (3e-4, 0.3)  # between samples
-_PAUSE: Final = 10.0  # times the median of them
-_OUTSIDE: Final = 0.05  # of the limits [rad]
-_SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
-_AS_IT_IS: Final = 0.3  # of a scale of 1, or the link's: noise, swings; no gear is so little
-_MOST_A: Final = 80.0  # of an arm's motor
-_WHOLE: Final = 0.015  # of a gear: nearer to a whole number it is one
-_FOLLOWS: Final = 0.7  # correlation of what is the same
-_WAY_S: Final = 0.04  # in which a velocity is compared with the change of a position
+_STEPS_S: Final = (3e-4, 0.3)  # plausible sampling periods
+_PAUSE: Final = 10.0  # a step of so many medians is a pause
+_OUTSIDE: Final = 0.05  # tolerated excess over the limits [rad]
+_SAME: Final = 0.08  # relative deviation from a unit's factor: a gear of 50 is not deg/rad (57.3)
+_AS_IT_IS: Final = 0.3  # the same, from a factor of 1: noise, oscillation; no gear is so small
+_MOST_A: Final = 80.0  # largest current of an arm's motor; larger numbers are mA
+_WHOLE: Final = 0.015  # relative deviation at which a gear ratio is rounded to an integer
+_FOLLOWS: Final = 0.7  # least correlation of columns that measure the same motion
+_WAY_S: Final = 0.04  # window over which an integrated velocity is compared with a position
 _STRANGE: Final = "it does not follow the link's position: CHECK what it is"
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A quantity of a joint in a log; `doubt`: what the user has to look up."""
+    """Column of one quantity of a joint; `doubt`: what the user has to check."""
 
     column: str
     unit: str
@@ -59,7 +59,7 @@ class Column:
     offset: float = 0.0
 
     def line(self) -> str:
-        """Its entry in a file of names."""
+        """Entry of the names file."""
         if not self.column:
             return f"{{value: 0}}   {MARK}: {self.doubt}"
         scale = "" if self.scale == 1.0 else f", scale: {figure(self.scale)}"
@@ -70,14 +70,14 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of a log: its time, and of each joint by quantity; the topic of an MCAP."""
+    """Columns of a log: time, quantities by joint, and for an MCAP its topic."""
 
     time: Column
     joints: Mapping[str, Mapping[str, Column]]
     topic: str = ""
 
     def scaled(self, factors: Mapping[str, tuple[float, str]]) -> "Columns":
-        """The same with other scales of torques or currents, by joint, and reasons."""
+        """Copy with new scales (factor, reason) of the joints' torques or currents."""
         joints = {joint: dict(each) for joint, each in self.joints.items()}
         for joint, (factor, why) in factors.items():
             (name,) = {"torque", "current"} & joints[joint].keys()
@@ -86,7 +86,7 @@ class Columns:
         return replace(self, joints=joints)
 
     def text(self) -> str:
-        """File of names."""
+        """Text of the names file."""
         lines = [f"# Columns guessed by `contactd new`. Lines with {MARK[2:]} are to be looked at.",
                  *([f"topic: {quoted(self.topic)}"] if self.topic else []),
                  f"time: {self.time.line()}", "joints:"]  # fmt: skip
@@ -97,7 +97,7 @@ class Columns:
 
 
 def named_columns(header: Sequence[str], joints: Sequence[str]) -> dict[tuple[str, str], str]:
-    """Column by joint and quantity, and by ("", "time"), from names alone."""
+    """Column name by (joint, quantity), and by ("", "time"), from names alone."""
     found: dict[tuple[str, str], str] = {}
     numbered: dict[str, list[tuple[int, str]]] = {}
     for name in header:
@@ -126,7 +126,7 @@ def _words(name: str) -> list[str]:
 
 
 def _joint_in(name: str, joints: Sequence[str]) -> tuple[str, list[str]]:
-    """Joint that a name has in it, the longest, and the words that are left."""
+    """Longest joint name contained in a column name, and the remaining words."""
     words = _words(name)
     for joint in sorted(joints, key=lambda one: -len(_words(one))):
         its = _words(joint)
@@ -138,7 +138,7 @@ def _joint_in(name: str, joints: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _quantity(words: Sequence[str]) -> str:
-    """Quantity of `log_names` by the words of a name; empty for none."""
+    """Quantity of `log_names` that the words of a name denote; empty for none."""
     there = set(words)
     if there & _NEVER:
         return ""
@@ -153,8 +153,8 @@ def _quantity(words: Sequence[str]) -> str:
 def guessed(
     named: Mapping[tuple[str, str], str], table: Mapping[str, Vector], ranges: Sequence[JointRange]
 ) -> Columns:
-    """Units, signs and gears of named columns from their numbers (N,). Joints without a position
-    are left out, and all of them where none has a torque or current."""
+    """Units, signs and gear ratios of named columns from their data (N,). Joints without a position
+    are left out; all joints are if none has a torque or current."""
     column = named["", "time"]
     time = _time(column, table[column])
     its: dict[str, dict[str, str]] = {}
@@ -179,8 +179,8 @@ def guessed(
 
 
 def _alike(joints: Mapping[str, dict[str, Column]]) -> Mapping[str, dict[str, Column]]:
-    """The same, in which velocities that follow nothing are in the unit of most others: one
-    program wrote them all."""
+    """Joints in which velocities that match no position get the unit of most others, since one
+    program wrote all columns."""
     for quantity in ("motor_velocity", "setpoint"):
         named = [each[quantity] for each in joints.values() if quantity in each]
         units = [one.unit for one in named if one.doubt != _STRANGE]
@@ -199,7 +199,7 @@ def _time(column: str, values: Vector) -> Column:
 
 
 def _step(times: Vector) -> float:
-    """Mean time between samples without pauses; neighbours may be equal, where it is rounded."""
+    """Mean sampling period without pauses; rounded time stamps may repeat."""
     steps = np.diff(times)
     ahead = steps[steps > 0.0]
     if not len(ahead):
@@ -208,7 +208,7 @@ def _step(times: Vector) -> float:
 
 
 def _angle(positions: Sequence[tuple[Vector, JointRange]]) -> str:
-    """Unit of positions: the first in which those of all joints lie within the limits, or empty."""
+    """First unit in which the positions of all joints lie within the limits; empty for none."""
     for unit, factor in UNITS["link_position"].items():
         if unit != "mrad" and all(_within(factor * values, one) for values, one in positions):
             return unit
@@ -223,14 +223,15 @@ def _within(values: Vector, one: JointRange) -> bool:
 def _of_joint(
     its: Mapping[str, str], table: Mapping[str, Vector], one: JointRange, angle: str, period: float
 ) -> dict[str, Column]:
-    """Positions and velocities of a joint; of a motor whose position is there, its own change."""
+    """Position and velocity columns of a joint; velocities should match the motor position if there
+    is one, else the link position."""
     name, limits = its["link_position"], f"the URDF's {one.lower:.3g} to {one.upper:.3g} rad"
     doubt = f"within {limits}" if angle else f"no unit is within {limits}: a scale, an offset?"
     found = {"link_position": Column(name, angle or "rad", doubt=doubt)}
     q = table[name] * UNITS["link_position"][angle or "rad"]
     turns, span = q, max(2, round(_WAY_S / period))
 
-    def ways(positions: Vector) -> Vector:
+    def changes(positions: Vector) -> Vector:
         return positions[span:] - positions[:-span]
 
     if "motor_position" in its:
@@ -243,7 +244,7 @@ def _of_joint(
     for quantity in {"motor_velocity", "setpoint"} & its.keys():
         units = UNITS["motor_velocity"]
         swept = cumulative_trapezoid(table[its[quantity]], dx=period, initial=0.0)
-        found[quantity] = _following(its[quantity], ways(swept), ways(turns), units)
+        found[quantity] = _following(its[quantity], changes(swept), changes(turns), units)
     return found
 
 
@@ -258,7 +259,8 @@ def _effort(its: Mapping[str, str], *, milli: bool) -> dict[str, Column]:
 def _following(
     name: str, values: Vector, about: Vector, units: Mapping[str, float], unit: str = ""
 ) -> Column:
-    """Column of what is `about` in SI, in another unit, sign or behind a gear, then of a `unit`."""
+    """Column whose values measure the same as `about` [SI], up to unit, sign or gear ratio; `unit`:
+    that of a geared column, by default the first of `units`."""
     first = Column(name, unit or next(iter(units)))
     apart = values - values.mean()
     power = float(apart @ apart)

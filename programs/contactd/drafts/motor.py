@@ -1,25 +1,25 @@
-"""Motor of a joint, and what the joint asks of it: where drafts of all makes meet."""
+"""Motor of a joint and the load on it: common ground of the drafts of all makes."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Load of a joint at worst, over all poses: torque of gravity [Nm], inertia [kg m2]."""
+    """Worst-case load of a joint over all poses: gravity torque [Nm], inertia [kg m2]."""
 
     gravity: float
     inertia: float
 
     @property
     def torque(self) -> float:
-        """Torque with which a motor carries it with a margin [Nm]."""
+        """Torque of a motor that carries the load with a margin [Nm]."""
         return 2.0 * self.gravity + 6.0 * self.inertia + 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """Motor, at the link: currents [A], constant [Nm/A], inertia [kg m2], its torque and friction
-    [Nm, Nm s/rad]. sure: its gear and constants are its maker's, not guesses."""
+    """Motor with its gear, at the link side: currents [A], torque constant [Nm/A], rotor inertia
+    [kg m2], torque [Nm] and friction [Nm, Nm s/rad]. sure: published figures, not guesses."""
 
     gear: float
     rated_A: float

@@ -1,9 +1,9 @@
-"""Draft of a profile of motors without an EDS: their maker's figures, and gains for their loads.
+"""Draft of a profile of motors without an EDS: the maker's figures, and gains for the loads.
 
-In the motor, J q'' = k (p - q) + d (p' - q'), with J of link and rotor: a bandwidth of sqrt(k / J)
-and a damping ratio of d / (2 sqrt(k J)). Gravity g pulls the joint by g / k while the motors alone
-hold. Frames end at some d: a heavy joint gets a softer k, down to a pull of 0.07 rad, and beyond
-that less damping.
+The motor's loop is J q'' = k (p - q) + d (p' - q'), J of link and rotor: its bandwidth is
+sqrt(k / J), its damping ratio d / (2 sqrt(k J)). While the motor alone holds, gravity torque g
+deflects the joint by g / k. The frame format limits d: a heavy joint gets a smaller k, down to a
+deflection of 0.07 rad, and beyond that a lower damping ratio.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,10 @@ MODELS: Final[dict[tuple[str, str], ModelFigures]] = {
     **{("robstride", model): figures for model, figures in robstride.MODELS.items()},
 }
 """Figures by make and model."""
-RATIO: Final = 0.71  # of damping
-SLOWEST: Final = 15.0  # bandwidth, some four times the position loop's gain [1/s]
-SAG, MOST_SAG = 0.05, 0.07  # by gravity: wanted, and where damping does not allow it [rad]
-FRICTION: Final = (0.04, 0.012)  # guesses: of the rated torque; the second s/rad
+RATIO: Final = 0.71  # wanted damping ratio
+SLOWEST: Final = 15.0  # least bandwidth, about four times the gain of the position loop [1/s]
+SAG, MOST_SAG = 0.05, 0.07  # deflection by gravity: wanted, and if d is limited [rad]
+FRICTION: Final = (0.04, 0.012)  # guessed Coulomb [1] and viscous [s/rad], over rated torque
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +41,16 @@ class DraftedMotor:
 
     @property
     def link_encoder(self) -> bool:
-        """True unless the motor's encoder stands for one."""
+        """True unless the motor encoder substitutes for a link encoder."""
         return self.make == "damiao"
 
     @property
     def figures(self) -> ModelFigures:
-        """Its published figures."""
+        """Published figures of the model."""
         return MODELS[self.make, self.model]
 
     def motor(self, load: Load) -> Motor:
-        """Motor of a joint, which is the same for each load."""
+        """Motor of a joint; only its torque depends on the load."""
         f = self.figures
         coulomb, viscous = (share * f.rated_Nm for share in FRICTION)
         return Motor(
@@ -80,18 +80,18 @@ class DraftedMotor:
 """
 
     def verdict(self, loads: Sequence[Load]) -> str:
-        """Sentence on whether the motor carries its joints."""
+        """Words on whether the motor can carry its joints."""
         rated, most = self.figures.rated_Nm, max(load.gravity for load in loads)
         if most <= rated:
             return "can be used"
         return (
-            f"is too weak: gravity asks for up to {figure(most)} Nm of its rated {rated:g} Nm; "
+            f"is too weak: gravity requires up to {figure(most)} Nm, it is rated for {rated:g} Nm; "
             "give each joint's model by --drive, in the joints' order"
         )
 
 
 def model_of(given: str) -> DraftedMotor:
-    """Draft of `damiao:DM4340`. Raises ConfigurationError."""
+    """Draft of a motor given as MAKE:MODEL, such as `damiao:DM4340`. Raises ConfigurationError."""
     make, _, model = given.partition(":")
     found = make.lower(), model.upper()
     if found not in MODELS:

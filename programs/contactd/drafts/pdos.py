@@ -1,4 +1,4 @@
-"""Layout of a drive's PDOs: as its EDS fixes them, or packed into as few as possible."""
+"""Layout of a drive's PDOs: as fixed by its EDS, or packed into as few PDOs as possible."""
 
 import itertools
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from programs.contactd.drafts.choice import MEASURED, Found
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Entries of each PDO by its number; fixed: the EDS has chosen them."""
+    """Entries of each PDO by its number; fixed: the EDS prescribes them."""
 
     tpdo: dict[str, list[str]]
     rpdo: dict[str, list[str]]
@@ -20,7 +20,7 @@ class Layout:
 
 
 def pdo_layout(sheet: DataSheet, objects: Mapping[str, Found]) -> Layout:
-    """Layout of the PDOs of a drive. Raises ConfigurationError where they have no room."""
+    """Layout of the PDOs of a drive. Raises ConfigurationError if the entries do not fit."""
     effort = "current" if "current" in objects else "torque"
     first = ["statusword", effort, "motor_velocity", "link_position", "motor_position"]
     wanted = [entry for entry in first if entry in WORDS or entry in objects]
@@ -31,7 +31,7 @@ def pdo_layout(sheet: DataSheet, objects: Mapping[str, Found]) -> Layout:
 
 
 def _fixed(sheet: DataSheet, base: int, objects: Mapping[str, Found]) -> dict[str, list[str]]:
-    """PDOs whose mapping the EDS fixes, if they carry nothing but quantities."""
+    """PDOs whose mapping is fixed by the EDS and contains only known entries."""
     there = {name: one.where for name, one in objects.items()}
     there |= {word: (index, 0) for word, index in WORDS.items()}
     carried = ("statusword", *MEASURED) if base == 0x1800 else ("controlword", "target_velocity")
@@ -53,7 +53,7 @@ def _fixed(sheet: DataSheet, base: int, objects: Mapping[str, Found]) -> dict[st
 
 
 def _without_repeats(found: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Smallest set of PDOs that covers the most entries, none of them twice."""
+    """Smallest set of PDOs that carries the most entries, none of them twice."""
     choices = (
         choice
         for size in range(len(found), -1, -1)
@@ -84,7 +84,7 @@ def _packed(
                 entries.append(entry)
                 left.remove(entry)
         found[str(number + 1)] = entries
-    if "motor_position" in left:  # it can be integrated
+    if "motor_position" in left:  # optional: it can be integrated from the velocity
         left.remove("motor_position")
     if left:
         raise ConfigurationError(f"no room in its PDOs for {', '.join(left)}")

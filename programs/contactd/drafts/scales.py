@@ -1,5 +1,5 @@
-"""Scales of a drive's quantities, with their reasons: by CiA 402, by the units of its EDS (0x608F,
-0x60A8 to 0x60AA), or a guess from common practice."""
+"""Scales of a drive's quantities, with reasons: from CiA 402, from the units in its EDS (0x608F,
+0x60A8 to 0x60AA), or guessed from common practice."""
 
 import math
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from programs.contactd.drafts.choice import NO_LINK_ENCODER, Found
 
 TURN = 2.0 * math.pi
 RPM = TURN / 60.0
-GEAR = 100.0  # of usual joints
+GEAR = 100.0  # gear ratio of a typical joint
 LINK_COUNTS, MOTOR_COUNTS = 131072, 4096
 
 _ANGLES = {0x10: (1.0, "rad"), 0x41: (TURN / 360.0, "degrees"), 0xB4: (TURN, "turns")}
 _TIMES = {0x03: (1.0, "s"), 0x47: (60.0, "min")}
 _RPM_PER_S = (0xC0, 0x03)
-"""Codes of the SI units of CiA 303-2 in bits 23 to 16 and 15 to 8."""
+"""Unit codes of CiA 303-2: numerator in bits 23 to 16, denominator in bits 15 to 8."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Scale:
 
 
 def scale_of(sheet: DataSheet, name: str, where: Found) -> Scale:
-    """Scale of the object of a quantity."""
+    """Scale of the object that holds a quantity."""
     if name in ("current", "torque"):
         return _of_effort(name, where)
     if name == "link_position":
@@ -78,7 +78,7 @@ def _at_link(sheet: DataSheet, where: Found) -> Scale:
 
 
 def _si_unit(sheet: DataSheet, index: int) -> Scale | None:
-    """Unit in rad, rad/s or rad/s2 that an EDS gives; None where it gives none, or counts."""
+    """Unit that an EDS states, in rad, rad/s or rad/s2; None if it states none, or counts."""
     variable = find_object(sheet, index)
     code = None if variable is None else variable.default
     if not isinstance(code, int) or variable is None or code <= 0:

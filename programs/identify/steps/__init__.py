@@ -1,4 +1,4 @@
-"""Steps of the identification: each module here is one, named as its command and its entry."""
+"""Steps of the identification, a module each, with the name of its command and its entry."""
 
 from importlib import import_module
 from pathlib import Path
@@ -13,4 +13,4 @@ _FOUND: Final[list[Step]] = [
 STEPS: Final[dict[str, Step]] = {
     step.name: step for step in sorted(_FOUND, key=lambda step: step.order)
 }
-"""By name, in the order in which a person needs them."""
+"""Steps by name, in the order of their use."""

@@ -1,5 +1,5 @@
-"""Periodic errors of link encoders."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `encoders`: periodic errors of link encoders."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from programs.identify.measured import Measured
 
 _TURNS_S = 60.0
-"""Period of an excitation that takes links through most of their range [s]."""
+"""Period of an excitation that moves links through most of their range [s]."""
 
 
 @step(
@@ -25,26 +25,24 @@ _TURNS_S = 60.0
     order=7,
 )
 def encoders(identification: "Identification", joints: tuple[str, ...], seconds: float) -> bool:
-    """Move all joints slowly through their ranges: periodic errors of the link encoders.
+    """Identify periodic errors of the link encoders: all joints move slowly through their ranges.
 
-    Optional: arming does not need it. The errors are subtracted from the samples once the daemon
-    has taken them up. Needs position encoders at the motors.
+    Optional: not required for arming. Once the daemon has loaded the errors, it subtracts them from
+    the samples. Needs position encoders at the motors.
     """
     names = identification.joints(joints)
     turns_s = _TURNS_S, _TURNS_S
     measured = identification.measured(
         lambda arm: arm.excite("encoders", seconds, seed=1, turns_s=turns_s)
     )
-    with identification.busy("fitting errors of encoders to it"):
+    with identification.busy("fitting the encoders' errors"):
         outcome = _outcome(identification.robot, measured, names, now())
     return identification.conclude("encoders", outcome)
 
 
 def _outcome(robot: "Robot", measured: "Measured", joints: list[str], date: str) -> Outcome:
-    """Identify the periodic errors of the link encoders of the named joints.
-
-    They are added to the correction in force. A joint where nothing is found keeps its own.
-    """
+    """Outcome with the periodic errors of the named joints' link encoders, added to the corrections
+    in force; joints without a finding keep theirs."""
     from daemon.config.identified import EncodersEntry, Entry
     from identification.link_encoder import link_encoder
 
@@ -61,8 +59,8 @@ def _outcome(robot: "Robot", measured: "Measured", joints: list[str], date: str)
                 f"{1e3 * math.hypot(cosine, sine):.2f} mrad {order} x per turn"
                 for order, cosine, sine in found.harmonics
             )
-            figures += (f"; leaves {found.left:.0%} of the scatter, off by "
-                        f"{1e3 * found.interval:.1g} mrad at most")  # fmt: skip
+            figures += (f"; leaves {found.left:.0%} of the scatter, accurate to "
+                        f"{1e3 * found.interval:.1g} mrad")  # fmt: skip
             entries[name] = EncodersEntry(
                 date=date,
                 log=measured.sha256,
@@ -76,7 +74,7 @@ def _outcome(robot: "Robot", measured: "Measured", joints: list[str], date: str)
 def _together(
     old: "list[Harmonic]", found: tuple[tuple[int, float, float], ...]
 ) -> "list[Harmonic]":
-    """Harmonics that correct what the old ones do and the rest that was found."""
+    """Sum of the old harmonics and the remaining errors that were found."""
     from drivers.wiring import Harmonic
 
     table = {h.order: (h.cosine, h.sine) for h in old}

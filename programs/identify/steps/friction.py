@@ -1,5 +1,5 @@
-"""Friction and rotor inertia of all joints."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `friction`: friction and rotor inertia of all joints."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from dataclasses import replace
@@ -25,17 +25,17 @@ _SHORTEST_S = 10.0
 @step(
     click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600)),
     click.option("--shortest", default=_SHORTEST_S, show_default=True, type=Range(5, 600),
-                 help="Motion that a log must have [s]; less than 10 at your own risk."),
+                 help="Motion that a log must contain [s]; below 10 at your own risk."),
     click.option("--direct", multiple=True, metavar="JOINT",
-                 help="Measure this joint alone (may be repeated; `all`), to and fro at several "
-                 "loads and speeds, without a model, and compare; nothing is changed."),
+                 help="Measure the friction of this joint (may be repeated; or `all`) alone, to "
+                 "and fro at several loads and speeds, and compare; nothing is changed."),
     quality=lambda entry: f"R2 {entry.r2:.3f}",
     order=6,
 )  # fmt: skip
 def friction(
     identification: "Identification", seconds: float, shortest: float, direct: tuple[str, ...]
 ) -> bool:
-    """Move all joints, without contact: friction and rotor inertia."""
+    """Identify friction and rotor inertia: all joints move, without contact."""
     if direct:
         from programs.identify.direct_motion import STEP, measure_directly
         from programs.identify.direct_outcome import direct_outcome
@@ -45,7 +45,7 @@ def friction(
         outcome = direct_outcome(identification.robot, measured, joints)
         return identification.conclude("friction", outcome, STEP)
     measured = identification.measured(lambda arm: arm.excite("friction", seconds, seed=1))
-    with identification.busy("fitting friction and rotors to it"):
+    with identification.busy("fitting friction and rotor inertia"):
         outcome = friction_outcome(identification.robot, measured, now(), shortest)
     return identification.conclude("friction", outcome)
 
@@ -53,11 +53,8 @@ def friction(
 def friction_outcome(
     robot: "Robot", measured: "Measured", date: str, shortest_s: float = _SHORTEST_S
 ) -> Outcome:
-    """Identify friction and rotor inertia of all joints from contact-free motion of at least
-    `shortest_s`.
-
-    Raises LogError for measurements that cannot be true.
-    """
+    """Outcome with friction and rotor inertia of all joints from contact-free motion of at least
+    `shortest_s`. Raises LogError for implausible measurements."""
     import numpy as np
 
     from daemon.assembly import build_transmission
@@ -96,7 +93,7 @@ def friction_outcome(
     fits = with_steps(fits, stiffness * c.period_s)
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
-        # What a gap does with each swing looks like friction of its own, and fits well.
+        # Oscillation in a gap resembles friction, and would fit well.
         swings = spoilt(cycles, gain)
         fits = [
             replace(fit, verdict=Verdict.SWINGS, reason="; ".join(filter(None, (why, fit.reason))))
@@ -120,7 +117,7 @@ def friction_outcome(
         notes += (swing_sentence(now_and_then, gain),)
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
-                  "or met something",)  # fmt: skip
+                  "or hit something",)  # fmt: skip
     notes += late_encoders(c.joint_names, shown.late)
     notes += off_scale(fits) + load_doubts(fits)
     notes += offsets(c, np.array([fit.offset for fit in fits]))
@@ -133,7 +130,7 @@ def friction_outcome(
 def _entry(
     robot: "Robot", measured: "Measured", date: str, i: int, fit: "FrictionFit", new: "Transmission"
 ) -> "FrictionEntry":
-    """Entry of joint i; `new` has its coefficients."""
+    """Entry of joint i, with the coefficients of `new`."""
     from daemon.config.identified import FrictionEntry
     from daemon.config.schema import Friction, GapSpring
 
@@ -164,7 +161,7 @@ def _entry(
 
 
 def _figures(fit: "FrictionFit") -> str:
-    """Values, each with half of its 95 % interval."""
+    """Values in words, each with the half-width of its 95 % confidence interval."""
     from identification.regression import NORMAL_95
 
     def one(name: str, unit: str) -> str:
@@ -173,7 +170,7 @@ def _figures(fit: "FrictionFit") -> str:
         return f"{name} {fit.values[name]:.3g} +- {fit.half_interval(name):.2g} {unit}"
 
     parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad")]
-    parts.append(one("B", "kg m2") if fit.rotor_trusted else "B not taken")
+    parts.append(one("B", "kg m2") if fit.rotor_trusted else "B rejected")
     if fit.stiction_known:
         parts.append(f"stiction {fit.stiction:.2f} +- {NORMAL_95 * fit.stiction_error:.1g}")
     if fit.load:

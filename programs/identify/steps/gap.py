@@ -1,5 +1,5 @@
-"""Half-gap of a joint, without a hand or with one."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `gap`: half-gap of a joint, by its motor or by hand."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from collections.abc import Iterable
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     order=3,
 )  # fmt: skip
 def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool) -> bool:
-    """Turn the motors to and fro, joint by joint (those named, else those without a valid gap, or
-    all): sizes of the gaps.
+    """Identify gaps: the motors move to and fro, joint by joint (those named, else those without a
+    valid gap, or all).
 
-    A link that stays at one border of its gap in every pose has to be moved by hand: --by-hand.
+    A link that gravity holds at one edge of its gap in every pose must be moved by hand: --by-hand.
     """
     from programs.identify.live_gap import gap_by_hand, gap_by_strokes
     from programs.identify.live_strokes import UnobservableError
@@ -40,7 +40,7 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
             measured = identification.measured(partial(live, joint=name), gap_of=name)
         except UnobservableError as error:
             return Outcome(lines=[Line(name, "by hand", good=False, reason=str(error))])
-        with identification.busy(f"fitting the gap of {name} to it"):
+        with identification.busy(f"fitting the gap of {name}"):
             stroked = identification.arm is not None and not by_hand
             how = {"by_hand": by_hand, "stroked": stroked}
             return _outcome(identification.robot, measured, name, now(), **how)
@@ -48,7 +48,7 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
     names, kind = identification.due("gap", joints), "gap" if by_hand else "strokes"
     outcomes: Iterable[Outcome] = map(found, names)
     if identification.arm is None:
-        outcomes = list(outcomes)  # a log that cannot be read for one joint writes none
+        outcomes = list(outcomes)  # if a log is unreadable for one joint, nothing is written
     good = [identification.conclude("gap", outcome, f"{kind}-{name}")
             for name, outcome in zip(names, outcomes, strict=True)]  # fmt: skip
     return all(good)
@@ -57,7 +57,7 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
 def _outcome(
     robot: "Robot", measured: "Measured", name: str, date: str, *, by_hand: bool, stroked: bool
 ) -> Outcome:
-    """Identify the half-gap of one joint by what moved, `by_hand`, or `stroked` by its motor."""
+    """Outcome with the half-gap of one joint, moved `by_hand` or `stroked` by its motor."""
     from daemon.config.identified import Entry, GapEntry
     from identification.gap import identify_gap
     from identification.gap_result import GapVerdict
@@ -81,7 +81,7 @@ def _outcome(
         entries=entries,
         notes=measured.notes,
         draw=lambda folder: plot_gap(log, place, found.half_gap, folder / f"gap-{name}.png"),
-        # Too few crossings are a beginning: the next ones are added to them.
+        # Too few crossings are kept, so that further ones are added to them.
         unfinished=by_hand and found.verdict is GapVerdict.FEW,
     )
 

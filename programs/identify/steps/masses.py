@@ -1,5 +1,5 @@
-"""Masses and centres of the bodies that the joints move."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `masses`: masses and centres of mass of the bodies that the joints move."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 from dataclasses import replace
 from math import dist
@@ -23,20 +23,20 @@ _SHORTEST_S = 20.0
 @step(
     click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600)),
     click.option("--shortest", default=_SHORTEST_S, show_default=True, type=Range(5, 600),
-                 help="Motion that a log must have [s]; less than 20 at your own risk."),
+                 help="Motion that a log must contain [s]; below 20 at your own risk."),
     quality=lambda entry: (
         f"{entry.body.mass:.3g} kg, |r| {entry.by_urdf:.2g} -> {entry.by_this:.2g} Nm"
     ),
     order=4,
 )  # fmt: skip
 def masses(identification: "Identification", seconds: float, shortest: float) -> bool:
-    """Move all joints, without contact and with an empty hand: masses and centres of the links.
+    """Identify masses and centres of mass: all joints move, without contact, with an empty hand.
 
-    Needed where the URDF's are wrong, which `friction` reports. They count in the place of the
-    URDF's, which stays as it is; friction and thresholds are identified after them.
+    Needed if those of the URDF are wrong, which `friction` reports. They are used instead of the
+    URDF's; the file is not changed. Identify friction and thresholds afterwards.
     """
     measured = identification.measured(lambda arm: arm.excite("masses", seconds, seed=3))
-    with identification.busy("fitting masses to it"):
+    with identification.busy("fitting masses"):
         outcome = masses_outcome(identification.robot, measured, now(), shortest)
     return identification.conclude("masses", outcome)
 
@@ -44,11 +44,9 @@ def masses(identification: "Identification", seconds: float, shortest: float) ->
 def masses_outcome(
     robot: "Robot", measured: "Measured", date: str, shortest_s: float = _SHORTEST_S
 ) -> Outcome:
-    """Identify what the joints move, from contact-free motion of at least `shortest_s` with an
-    empty hand; entries for all joints, or for none.
-
-    Raises LogError for measurements that cannot be true.
-    """
+    """Outcome with the bodies that the joints move, from contact-free motion of at least
+    `shortest_s` with an empty hand; entries for all joints or none. Raises LogError for implausible
+    measurements."""
     from daemon.assembly import build_transmission
     from daemon.config.identified import MassesEntry
     from daemon.config.vectors import row
@@ -64,7 +62,7 @@ def masses_outcome(
     c = robot.configuration
     limit = row(c, lambda j: j.wiring.max_current_A)
     refuse_implausible(measured.log, limit)
-    # The pull is towards the URDF, whatever was identified before.
+    # The fit is regularised towards the URDF, not towards earlier results.
     model = (robot.by_hand or robot).model
     limits = row(c, lambda j: j.limits.lower), row(c, lambda j: j.limits.upper)
     found = identify_masses(
@@ -114,18 +112,18 @@ def _figures(fit: "MassesFit", nominal: "BodyInertia | None") -> str:
 
 def _notes(found: "Masses") -> tuple[str, ...]:
     notes = [f"the motion determines {found.determined} combinations of {found.parameters} "
-             "parameters; the others stay as near to the URDF as they can"]  # fmt: skip
+             "parameters; the others stay as close to the URDF as possible"]  # fmt: skip
     if found.touched:
         notes.append(f"{found.discarded_s:.1f} s discarded: {', '.join(found.touched)} was "
-                     "touched, or met something")  # fmt: skip
+                     "touched, or hit something")  # fmt: skip
     if bad := [fit.joint for fit in found.fits if not fit.good]:
-        notes.append(f"masses are those of the whole arm: none is used while {', '.join(bad)} is "
+        notes.append(f"masses are fitted for the whole arm: none is used while {', '.join(bad)} is "
                      "not good")  # fmt: skip
     elif not found.usable:
-        notes.append("no joint is clearly better by others: the URDF's stay. Where friction is not "
-                     "known well, `contactd identify friction` reports how long a motion it "
-                     "needs")  # fmt: skip
+        notes.append("no joint is clearly better with other masses: the URDF's stay. If friction "
+                     "is not known well, `contactd identify friction` reports how long a motion "
+                     "it needs")  # fmt: skip
     else:
-        notes.append("they count once the daemon has taken them up; friction and thresholds "
-                     "belong to them: identify both again")  # fmt: skip
+        notes.append("they are used once the daemon has taken them up; friction and thresholds "
+                     "depend on them: identify both again")  # fmt: skip
     return tuple(notes)

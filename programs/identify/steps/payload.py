@@ -1,5 +1,5 @@
-"""Mass and centre of a load in the hand, for `contactctl payload NAME`."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `payload`: mass and centre of mass of a load in the hand."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from programs.identify.measured import Measured
 
 _BY_URDF, _IDENTIFIED = 0.05, 0.01
-"""Shares by which what the joints move may be off while a load is weighed."""
+"""Relative errors of the bodies' masses that are assumed when a load is identified."""
 
 
 @step(
@@ -29,9 +29,9 @@ _BY_URDF, _IDENTIFIED = 0.05, 0.01
     order=5,
 )
 def payload(identification: "Identification", name: str, seconds: float) -> bool:
-    """Move all joints with a load in the hand: its mass and centre, for `contactctl payload NAME`.
+    """Identify a load in the hand, for `contactctl payload NAME`: all joints move with it.
 
-    Announce a load so heavy that it counts as a collision roughly before: `contactctl payload`.
+    Announce a load heavy enough to count as a collision roughly before: `contactctl payload MASS`.
     """
     _refuse(name)
     measured = identification.measured(lambda arm: _carried(arm, name, seconds))
@@ -45,8 +45,8 @@ def _refuse(name: str) -> None:
 
     if not names_payload(name) or not name.isprintable() or not 0 < len(name) <= 64:
         raise ConfigurationError(
-            f"{name!r} is no name of a payload: a word of at most 64 letters, no number and not "
-            "`none`"
+            f"{name!r} is no payload name: it must be a word of at most 64 characters, neither a "
+            "number nor `none`"
         )
 
 
@@ -54,22 +54,20 @@ def _carried(arm: "LiveArm", name: str, seconds: float) -> "Measured":
     """Move all joints along a short excitation, with the load in the hand."""
     from programs.identify.motions import bounds_of, excitation
 
-    arm.forget("payload")  # of another load, perhaps
+    arm.forget("payload")  # recordings may be of another load
     c = arm.configuration
     motion = excitation(bounds_of(c), arm.model, c.period_s, 4, seconds, seconds)
     path = motion.path(arm.link_position(), seconds)
     text = f"all joints move with {name}, hands off"
-    # A load causes contacts until it is announced: no warning is due.
-    again = "The same command begins anew"
+    # A load causes contacts until it is announced, so there is no warning.
+    again = "The same command starts afresh"
     arm.move("payload", text, path, warning=lambda event: "", to_go_on=again)
     return arm.read("payload")
 
 
 def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outcome:
-    """Identify the load in the hand from contact-free motion.
-
-    Raises LogError for measurements that cannot be true.
-    """
+    """Outcome with the load in the hand, from contact-free motion. Raises LogError for implausible
+    measurements."""
     from daemon.assembly import build_transmission
     from daemon.config.identified import IdentifiedPayload
     from daemon.config.marks import marks
@@ -89,7 +87,7 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     notes, payloads = list(measured.notes), dict[str, IdentifiedPayload]()
     if fit.touched:
         notes.append(f"{fit.discarded_s:.1f} s discarded: {', '.join(fit.touched)} was touched, or "
-                     "met something")  # fmt: skip
+                     "hit something")  # fmt: skip
     good = fit.verdict is PayloadVerdict.GOOD
     line = Line(name, fit.verdict.value, good, _figures(fit, model.hand), fit.reason)
     if line.good:
@@ -107,11 +105,11 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
                 com_error=float(f"{fit.com_error:.3g}"),
             )
             place = " ".join(f"{x:g}" for x in load.com)
-            notes.append(f"`contactctl payload {name}` once the daemon has taken it up; now "
+            notes.append(f"`contactctl payload {name}` once the daemon has taken it up; until then "
                          f"`contactctl payload {load.mass:g} --com {place}`")  # fmt: skip
             if not identified:
-                notes.append("the arm's masses are by the URDF, and may be 5 % off: "
-                             "`contactd identify masses` makes this surer")  # fmt: skip
+                notes.append("the arm's masses are the URDF's, assumed accurate to 5 %: "
+                             "`contactd identify masses` makes this more certain")  # fmt: skip
     return Outcome(lines=[line], notes=tuple(notes), payloads=payloads)
 
 

@@ -1,5 +1,5 @@
-"""Contact and collision levels of all joints, from the residuals."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `thresholds`: contact and collision levels of all joints, from their residuals."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from dataclasses import replace
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from programs.identify.live_arm import LiveArm
     from programs.identify.measured import Measured
 
-# Of what `arm` allows: levels are rounded, and compared.
+# Factor below the ratio that `arm` allows, as levels are rounded before they are compared.
 _NEARLY = 0.99
 
 
 def _quality(entry: "ThresholdsEntry") -> str:
-    """Contact level, and the motion that it covers."""
+    """Contact level, and the speed of the motion that it covers."""
     seen = f" up to {entry.seen.speed:.2g} rad/s" if entry.seen else ""
     left_out = f", {len(entry.discarded)} stretches left out" if entry.discarded else ""
     return f"{entry.thresholds.contact:.3g} Nm{seen}{left_out}"
@@ -35,18 +35,18 @@ def _quality(entry: "ThresholdsEntry") -> str:
 @step(
     click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200)),
     click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
-                 help="False contacts per joint and hour that are bearable."),
+                 help="Acceptable false contacts per joint and hour."),
     click.option("--it-was-me", is_flag=True,
-                 help="Confirm that every stretch left out as a touch was you."),
+                 help="Confirm that you touched the arm in every stretch left out as a touch."),
     quality=_quality,
     order=8,
 )  # fmt: skip
 def thresholds(
     identification: "Identification", seconds: float, per_hour: float, it_was_me: bool
 ) -> bool:
-    """Move all joints, without contact: levels from the residuals."""
+    """Identify contact and collision levels: all joints move, without contact."""
     measured = identification.measured(lambda arm: _moved(arm, seconds), residuals=True)
-    with identification.busy("finding levels in it"):
+    with identification.busy("finding levels"):
         outcome = thresholds_outcome(
             identification.robot, measured, per_hour, now(), it_was_me=it_was_me
         )
@@ -54,14 +54,14 @@ def thresholds(
 
 
 def _moved(arm: "LiveArm", seconds: float) -> "Measured":
-    """Move all joints along an excitation, and take the residuals, too."""
+    """Move all joints along an excitation, and record the residuals."""
     from daemon.config.identified import residuals_alike
     from programs.identify.live_arm import TO_READ_ANEW
 
     if not residuals_alike(arm.session.configuration(), arm.configuration):
         raise ConfigurationError(
-            "values of the joints were written since the daemon read its files, and its "
-            f"residuals use older ones: {TO_READ_ANEW}, then this again"
+            "values of the joints were changed since the daemon read its files, so its residuals "
+            f"use outdated ones: {TO_READ_ANEW}, then repeat this"
         )
     return arm.excite("thresholds", seconds, seed=2, residuals=True)
 
@@ -69,8 +69,8 @@ def _moved(arm: "LiveArm", seconds: float) -> "Measured":
 def thresholds_outcome(
     robot: "Robot", measured: "Measured", per_hour: float, date: str, *, it_was_me: bool = False
 ) -> Outcome:
-    """Identify two levels per joint from contact-free motion; it_was_me: a person confirms
-    every stretch that looks like a touch. Raises LogError without residuals."""
+    """Outcome with two levels per joint from contact-free motion; it_was_me: the user confirms all
+    stretches that look like a touch. Raises LogError without residuals."""
     from daemon.arming.checks import RAISED
     from daemon.config.identified import Identified, IdentifiedJoint
     from daemon.config.vectors import row
@@ -82,10 +82,10 @@ def thresholds_outcome(
     c, log = robot.configuration, measured.log
     settings, hidden, least = _settings(c, per_hour, it_was_me=it_was_me)
     levels = identify_levels(log.joints, log.period_s, _motion(measured), settings)
-    # Levels of a joint that swung would be those of an arm that swings.
+    # Levels of a joint in a limit cycle would only fit an arm that oscillates.
     cycles = limit_cycles(log, measured.reference, row(c, lambda j: j.half_gap))
     gain = measured.gain or c.control.position_gain
-    # Whether a link swings around what another program asked for is not known.
+    # Under another program's control the reference is unknown, and so is whether a link swings.
     swings = {} if measured.reference is None else spoilt(cycles, gain)
     levels = [
         replace(one, verdict=LevelVerdict.SWINGS, reason=swings[one.joint])
@@ -97,16 +97,16 @@ def thresholds_outcome(
     notes += [f"{one.joint}: discarded {'; '.join(str(d) for d in one.discarded)}"
               for one in levels if one.discarded]  # fmt: skip
     if any(one.discarded for one in levels):
-        notes.append("if the arm was not touched then, contacts were false and the levels are "
-                     "too low")  # fmt: skip
-    if measured.reference is None:  # no level was in force that would have seen a weak touch
-        notes += [f"{one.joint}: |r| of {one.largest:.2g} Nm, {one.alone_s:.0f} s after the log "
-                  "begins, is over twice the rest: if the arm was touched then, the level is too "
-                  "high: leave that out of the log"
+        notes.append("if the arm was not touched then, these contacts were false and the levels "
+                     "are too low")  # fmt: skip
+    if measured.reference is None:  # no level was in force that would have detected a weak touch
+        notes += [f"{one.joint}: |r| of {one.largest:.2g} Nm, {one.alone_s:.0f} s after the start "
+                  "of the log, is over twice the rest: if the arm was touched then, the level is "
+                  "too high: remove that part of the log"
                   for one in levels if math.isfinite(one.alone_s)]  # fmt: skip
     notes += [
-        f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
-        f"beyond {RAISED:g} times the contact level; less was seen"
+        f"{one.joint}: level raised, as friction hides {rests:.2g} Nm at rest, and `arm` is "
+        f"refused beyond {RAISED:g} times the contact level; residuals were smaller"
         for one, rests, level in zip(levels, hidden, least, strict=True)
         if one.floored and one.contact == level
     ]
@@ -133,7 +133,7 @@ def thresholds_outcome(
         ],
         entries={name: joint.thresholds for name, joint in entries.items() if joint.thresholds},
         notes=tuple(notes),
-        # Asked whether it was the person, or for another `least`, what was measured waits.
+        # Recordings are kept until the user confirms the touches, or corrects `least`.
         unfinished=bool(refused) or any(one.verdict is LevelVerdict.UNLESS_YOU for one in levels),
     )
 
@@ -147,7 +147,7 @@ def _motion(measured: "Measured") -> "Motion":
     if r is None or raised is None or touched is None or unsure is None:
         raise LogError("thresholds need residuals")
     if measured.outdated:
-        raise LogError(f"{measured.outdated}: `contactctl reload`, and record anew")
+        raise LogError(f"{measured.outdated}: `contactctl reload`, then record again")
     log = measured.log
     return Motion(time_s=log.time_s, position=log.link_position, velocity=log.motor_velocity,
                   residual=r, raised=raised, touched=touched, unsure=unsure)  # fmt: skip
@@ -202,13 +202,12 @@ def _entry(
 def _settings(
     c: "Configuration", per_hour: float, *, it_was_me: bool
 ) -> "tuple[LevelSettings, Vector, Vector]":
-    """Floor and ceiling of the levels; torque (n,) [Nm] that the friction of a joint at rest hides,
-    at most; contact level that is in force at rest at nearly `RAISED` times its value, with what is
-    hidden and the side of a gap not known.
+    """Settings with floor and ceiling of the levels; largest torque (n,) [Nm] that friction hides
+    at rest; contact level (n,) [Nm] that this torque and an unknown side of the gap raise to nearly
+    `RAISED` times its value at rest.
 
-    Two counts of the current's noise cannot be a touch, and what is hidden raises a level no
-    further than `arm` allows: the floor. The ceiling is a fifth of the drive's largest torque: a
-    level above protects no one.
+    The floor is the larger of that level and 1 % of the drive's largest torque, which noise of the
+    current may reach. The ceiling is a fifth of that torque: a higher level protects no one.
     """
     import numpy as np
 
@@ -223,7 +222,7 @@ def _settings(
     unsure = c.estimator.unknown_side_share * (half_gap > 0.0)
     least = hidden / (_NEARLY * RAISED - 1.0 - unsure)
     strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
-    share = 0.2 if frames_of(c) else 1.0  # of the largest in a log, where there are no drives
+    share = 0.2 if frames_of(c) else 1.0  # without drives, `strongest` is the largest in the log
     bounds = np.maximum(0.01 * strongest, least), share * strongest
     settings = LevelSettings(per_hour, per_hour / 100.0, *bounds, half_gap, it_was_me=it_was_me)
     return settings, hidden, least

@@ -1,5 +1,5 @@
-"""Signs and scales of each joint, by a small motion."""
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+"""Step `wiring`: check of each joint's signs and scales by a small motion."""
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 import math
 from collections.abc import Iterable, Mapping
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from programs.identify.live_wiring import ApartError
     from programs.identify.measured import Measured
 
-TO_GO_ON = "`contactd identify wiring` goes on with what has not passed"
+TO_GO_ON = "`contactd identify wiring` continues with the joints that have not passed"
 
 
 @step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}", order=2)
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
-    """Check signs and scales by a small motion of each joint: those named, else those that were not
-    checked since a change, or all."""
+    """Check signs and scales by a small motion of each joint: those named, else those not checked
+    since a change, or all."""
     from programs.identify.live_wiring import ApartError, move_to_and_fro
 
     c = identification.robot.configuration
@@ -53,7 +53,7 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
 
 
 def _show_swapped(identification: "Identification", follows: Mapping[str, float]) -> None:
-    """Show pairs of joints whose gears are each other's."""
+    """Show pairs of joints whose node IDs or gears appear to be swapped."""
     from identification.wiring import swapped_pairs
 
     for a, b in swapped_pairs(follows):
@@ -70,9 +70,9 @@ def _go_on_without(
     left: list[str],
     error: "ApartError",
 ) -> None:
-    """Report the joints that came apart, and have the others checked. Raises `error` where the
-    person enabled the drives, and ControlError where those that are wrong keep the others
-    from being checked."""
+    """Report joints whose motor and link came apart, and recover so that the others are checked.
+    Raises `error` if the user had enabled the drives, ControlError if joints reported before fault
+    again, which prevents checking the others."""
     if new:
         lines = [Line(joint, "wrong", good=False, reason=why) for joint, why in new.items()]
         identification.conclude("wiring", Outcome(lines=lines, unfinished=True))
@@ -80,13 +80,13 @@ def _go_on_without(
         raise error
     if not new:
         raise ControlError(
-            f"{', '.join(wrong)} comes apart whenever the drives are enabled, which are off "
-            f"now: correct it, then check the others ({', '.join(left)})"
+            f"motor and link of {', '.join(wrong)} disagree whenever the drives are enabled; they "
+            f"are off now: correct this, then check the others ({', '.join(left)})"
         )
 
 
 def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
-    """Check signs and scales of a joint that was moved alone."""
+    """Result of the check of a joint that was moved alone."""
     from drivers.robstride.settings import RobStrideProfile
     from identification.motor_torque import reported_by_asked
     from identification.wiring import check_wiring, with_torque_range
@@ -102,7 +102,7 @@ def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
 
 
 def _outcome(measured: "Measured", name: str, found: "WiringResult", c: "Configuration") -> Outcome:
-    """Outcome of a check, with its entry if it passed."""
+    """Outcome of a check, with an entry if it passed."""
     from daemon.config.identified import Entry, WiringEntry
     from identification.wiring import SCALE_TOLERANCE, in_Nm
     from programs.identify.contact_warnings import level_below_friction

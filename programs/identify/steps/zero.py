@@ -1,10 +1,9 @@
-"""Zero and sign of a joint's link encoder: from its stated position and the way it was pushed.
+"""Step `zero`: zero and sign of a link encoder, from a stated position and the direction of a push.
 
-Both are seen at the arm alone: no data sheet has them, and no motion of the motor separates them
-from the motor's own. A person who states the link's position and which way it went gives both at
-once.
+Only observation of the arm gives both: no data sheet contains them, and motor motions cannot
+distinguish them from the motor's own. The user states the link's position and its direction.
 """
-# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+# ruff: noqa: PLC0415 - a step imports what it needs when it runs, so that `--help` starts at once
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -27,19 +26,17 @@ if TYPE_CHECKING:
     from programs.identify.identification import Identification
     from programs.identify.live_arm import LiveArm
 
-_BEYOND = 0.2  # [rad]: a link may lean on a stop that the URDF's limits lie before
-_PLUS = (
-    "Where the right thumb lies along a joint's axis, as the URDF has it, the fingers point to +."
-)
+_BEYOND = 0.2  # [rad]: a link may rest on an end stop outside the URDF's limits
+_PLUS = "Point your right thumb along the joint's axis, as in the URDF: the fingers curl towards +."
 
 
 def _stated(
     context: click.Context, parameter: click.Parameter, words: Sequence[str]
 ) -> dict[str, float]:
-    """Positions [rad] by joint, as they were typed. Raises UsageError."""
+    """Positions [rad] by joint, as typed. Raises UsageError."""
     pose, stated = destination(words)
     if pose:
-        raise click.UsageError(f"{pose!r}: JOINT=ANGLE for each joint whose encoder is to be set")
+        raise click.UsageError(f"{pose!r}: give JOINT=ANGLE for each joint to be zeroed")
     return stated
 
 
@@ -52,16 +49,16 @@ def _stated(
     order=1,
 )
 def zero(identification: "Identification", angles: Mapping[str, float]) -> bool:
-    """Push links while the drives are off: signs and zeros of their encoders.
+    """Identify signs and zeros of link encoders: you push links while the drives are off.
 
-    ANGLE is the position of the link by the URDF [rad]. You push each a little, either way, and
-    enter which way it went while you hold it. The results replace `link_sign` and `link_offset`.
+    ANGLE is the link's position in the URDF's terms [rad]. You push each link a little in either
+    direction, hold it, and enter the direction. The results replace `link_sign` and `link_offset`.
     """
     names = identification.joints(tuple(angles))
     if nowhere := not_possible(identification.robot, angles):
         raise ConfigurationError("; ".join(nowhere))
     if identification.arm is None:
-        raise ConfigurationError("a log does not say where the links stood: `identify zero` asks")
+        raise ConfigurationError("zeros cannot be identified from a log: `identify zero` asks you")
     outcomes = []
     identification.show(_PLUS)
     for name in names:
@@ -74,16 +71,18 @@ def zero(identification: "Identification", angles: Mapping[str, float]) -> bool:
 
 
 def _upward(identification: "Identification", name: str) -> bool:
-    """Have a person push a link, and answer whether it went upward."""
+    """Ask the user to push a link; True if they answer that it moved in positive direction."""
     from programs.command_line.questions import choice
 
-    identification.show(f"{name} stands. Push its link a little, either way, and hold it there.")
+    identification.show(
+        f"{name} is at rest. Push its link a little, either way, and hold it there."
+    )
     return choice("Which way did it go", ["+", "-"]) == "+"
 
 
 def _pushed(arm: "LiveArm", name: str, ask: Callable[[], bool]) -> "tuple[Vector, bool]":
-    """Positions (N,) [rad] of a link from its rest on, until `ask`, which has a person push it,
-    returns whether it went upward."""
+    """Positions (N,) [rad] of a link, from rest until `ask`, which makes the user push it, returns,
+    and its answer whether the link moved in positive direction."""
     import numpy as np
 
     from identification.resting_link import resting_samples, stands
@@ -104,7 +103,7 @@ def _pushed(arm: "LiveArm", name: str, ask: Callable[[], bool]) -> "tuple[Vector
 
 
 def not_possible(robot: "Robot", stated: Mapping[str, float]) -> list[str]:
-    """Angles [rad] at which no link stands, well outside the URDF's limits, in words."""
+    """Errors about stated angles [rad] that lie well outside the URDF's limits."""
     from daemon.config.problem import figure
 
     model = robot.model
@@ -116,7 +115,7 @@ def not_possible(robot: "Robot", stated: Mapping[str, float]) -> list[str]:
             within = lower <= radians(angle) <= upper
             meant = f"; in degrees? then {name}={figure(radians(angle))}" if within else ""
             reasons.append(
-                f"{name}={figure(angle)}: by the URDF it stands within "
+                f"{name}={figure(angle)}: outside the URDF's limits "
                 f"[{lower:g}, {upper:g}] rad{meant}"
             )
     return reasons
@@ -125,8 +124,8 @@ def not_possible(robot: "Robot", stated: Mapping[str, float]) -> list[str]:
 def zero_outcome(
     robot: "Robot", joint: str, seen: "Vector", stood: float, *, upward: bool, date: str
 ) -> Outcome:
-    """Sign and zero of one link encoder, by the positions (N,) [rad] that the daemon showed; the
-    link stood at `stood` [rad], and went `upward` or the other way, by the URDF."""
+    """Outcome with sign and zero of one link encoder, from the positions (N,) [rad] that the daemon
+    showed; by the URDF the link stood at `stood` [rad] and moved `upward` (positive) or not."""
     from daemon.config.identified import ZeroEntry
     from identification.resting_link import MOVED, departure
 
@@ -134,12 +133,12 @@ def zero_outcome(
     wiring = c.joints[c.joint_names.index(joint)].wiring
     rest, went = departure(seen, c.period_s)
     if went == 0.0:
-        ways = 1e3 * (seen - rest)
-        least, most, last = ways.min(), ways.max(), ways[-1]
-        by = f"it went from {least:+.1f} to {most:+.1f} mrad, to {last:+.1f} at last"
+        offsets = 1e3 * (seen - rest)
+        least, most, last = offsets.min(), offsets.max(), offsets[-1]
+        by = f"it moved between {least:+.1f} and {most:+.1f} mrad, and ended at {last:+.1f}"
         reason = (
-            f"{by if most - least > 0.5 else 'it did not move'}: push its link one way, by "
-            f"{1e3 * MOVED:.0f} mrad or more, and hold it there until you have answered"
+            f"{by if most - least > 0.5 else 'it did not move'}: push its link in one direction, "
+            f"by {1e3 * MOVED:.0f} mrad or more, and hold it there until you have answered"
         )
         return Outcome(lines=[Line(joint, "not seen", good=False, reason=reason)])
     turned: Sign = -1 if wiring.link_sign > 0 else 1
@@ -153,8 +152,8 @@ def zero_outcome(
         motor_sign=sign if c.drives[wiring.profile].one_sign else None,
     )
     figures = (
-        f"link_sign {sign:+d}, link_offset {offset:+.4g} rad; it went by {1e3 * went:+.1f} mrad"
+        f"link_sign {sign:+d}, link_offset {offset:+.4g} rad; it moved by {1e3 * went:+.1f} mrad"
     )
-    verdict = "as it was" if sign == wiring.link_sign else "sign turned"
+    verdict = "sign unchanged" if sign == wiring.link_sign else "sign inverted"
     line = Line(joint, verdict, good=True, figures=figures)
     return Outcome(lines=[line], entries={joint: entry})

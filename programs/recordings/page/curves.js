@@ -1,5 +1,5 @@
 "use strict";
-// Draws the detection curves in the JSON of this page with uPlot: alarms and found touches by level.
+// Draws the detection curves in the JSON of this page with uPlot: false contacts and detected touches by level.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const style = getComputedStyle(document.documentElement);

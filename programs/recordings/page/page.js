@@ -4,7 +4,7 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const style = getComputedStyle(document.documentElement);
   const ink = style.getPropertyValue("--ink").trim(), line = style.getPropertyValue("--line").trim();
-  // Colours that differ for people who do not see red or green, too (Okabe and Ito).
+  // Colours that people with red-green colour blindness can tell apart (Okabe and Ito).
   const BLUE = "#0072b2", ORANGE = "#d55e00", GREEN = "#009e73", PINK = "#cc79a7", GREY = "#8a8f94";
   const MODES = { off: "#8a8f94", enabling: "#f0e442", holding: "#0072b2", tracking: "#009e73",
     admittance: "#56b4e9", retracting: "#cc79a7", returning: "#e69f00", releasing: "#d55e00",
@@ -25,14 +25,14 @@
     ({ label, stroke, width: 1.2, value: shown(digits), spanGaps: false, points: { show: false }, ...more });
   const bound = (label, stroke, more) => curve(label, stroke, 3, { dash: [6, 4], width: 1, ...more });
 
-  // Below zero as above it: drawn and hidden with the curve before, which alone stands in the legend.
+  // A curve mirrored at zero: drawn and hidden with the curve before it, which alone is in the legend.
   const mirrored = (one) => ({ ...one, class: "mirrored" });
   function hideMirrored(u, i, change) {
     for (let k = i + 1; i && "show" in change && k < u.series.length && u.series[k].class === "mirrored"; k++)
       if (u.series[k].show !== change.show) u.setSeries(k, { show: change.show });
   }
 
-  // Each panel: its axis, its series, and their values of a joint.
+  // Each panel: its axis, its series, and their values for a joint.
   const PANELS = [
     { axis: "residual [Nm]", of: (j) => {
       const threshold = values("threshold", j);
@@ -79,7 +79,7 @@
   function marks(joint, first) {
     return (u) => {
       const { ctx, bbox } = u, px = devicePixelRatio;
-      let free = bbox.left;  // from here on no label stands
+      let free = bbox.left;  // the labels so far end here
       const vertical = (t, colour, width, dash, sign) => {
         const x = u.valToPos(t, "x", true);
         if (x < bbox.left || x > bbox.left + bbox.width) return;

@@ -220,7 +220,7 @@ def test_parts_of_a_link_share_a_name_and_a_joint(folder: Path) -> None:
 
 @pytest.mark.parametrize(("wall", "hint"), [
     ("planes:\n  table: {point: [0, 0, -1], normal: [0, 0, -1]}\n", "must point to the free side"),
-    ("boxes:\n  table: {centre: [0, 0, 0], size: [2, 2, 2]}\n", "nothing would keep off it"),
+    ("boxes:\n  table: {centre: [0, 0, 0], size: [2, 2, 2]}\n", "nothing would be kept away"),
 ])  # fmt: skip
 def test_a_wall_around_the_whole_arm_is_refused(folder: Path, wall: str, hint: str) -> None:
     """All its pairs would be left out: a table whose normal points down was guarded by nothing."""

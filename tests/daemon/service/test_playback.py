@@ -82,7 +82,7 @@ def test_a_lead_is_repeated_by_one_command(
     path.write_text("time_s,joint\n0,0.1\n1,0.1\n2,0.1\n")
     still = served.contactctl("playback", str(path), "--yes")
     assert still.exit_code == 65
-    assert "without the file, a lead is recorded" in still.stderr
+    assert "delete the file to record a lead" in still.stderr
 
 
 def _led(served: ServedDaemon, path: Path, torque: float) -> Recorded:

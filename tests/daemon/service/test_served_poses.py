@@ -115,14 +115,14 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "joint=x", "--yes"], 2, "'x' is not a position in rad"),
         (["go", "joint=nan", "--yes"], 2, "'nan' is not a position in rad"),
         (["go", "joint=inf", "--yes"], 2, "'inf' is not a position in rad"),
-        (["go", "=1", "--yes"], 2, "either one POSE, or JOINT=VALUE for each joint"),
-        (["go", "home", "joint=1", "--yes"], 2, "'home': either one POSE"),
+        (["go", "=1", "--yes"], 2, "give either one POSE or JOINT=VALUE for each joint"),
+        (["go", "home", "joint=1", "--yes"], 2, "'home': give either one POSE"),
         (["go", "joint=1", "joint=1", "--yes"], 2, "joint is given twice"),
         (["go", "--yes"], 2, "to which POSE, or JOINT=VALUE?"),
-        (["go", "", "--yes"], 2, "'': either one POSE, or JOINT=VALUE for each joint"),
-        (["go", "home"], 2, "pass --yes to skip it"),
+        (["go", "", "--yes"], 2, "'': give either one POSE or JOINT=VALUE for each joint"),
+        (["go", "home"], 2, "--yes skips it"),
         (["go", "elbow=1"], 1, "no joint 'elbow'; there are: joint"),
-        (["go", "home", "--json"], 2, "pass --yes to skip it"),
+        (["go", "home", "--json"], 2, "--yes skips it"),
         (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0.001<=x<=2"),
         (["go", "home", "--yes", "--speed", "2.1"], 2, "not in the range"),
         (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
@@ -191,7 +191,7 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDae
     way = served.until(lambda: _ask(served, Go(pose="far", plan=True))).way
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
-    assert ended.message.startswith("not there: holding, contact of ")
+    assert ended.message.startswith("not arrived: holding, contact of ")
     assert ended.reasons == ["`contactctl start` goes on with the trajectory"]
     assert served.contactctl("start").exit_code == 0
     while served.rig.mode is Mode.TRACKING:
@@ -207,8 +207,8 @@ def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
     assert result.exit_code == 1
     warning, end, where = result.stderr.splitlines()
     assert "warning: joint may stop up to 0.200 rad short of -1.400" in warning
-    assert end.endswith("not there: holding, the way to joint=-1.4 came to its end")
-    assert re.fullmatch(r"  - joint stands at -1.2\d\d rad, 0.1\d\d rad from -1.400", where)
+    assert end.endswith("not arrived: holding, the way to joint=-1.4 came to its end")
+    assert re.fullmatch(r"  - joint is at -1.2\d\d rad, 0.1\d\d rad from -1.400", where)
 
 
 def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,7 +231,7 @@ def test_stopped_by_another_it_is_not_there(served: ServedDaemon) -> None:
     assert served.until(lambda: _ask(served, Stop())).ok
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
-    assert ended.message.startswith("not there: holding, stop by")
+    assert ended.message.startswith("not arrived: holding, stop by")
 
 
 def test_the_way_that_a_refused_start_names_leads_there(

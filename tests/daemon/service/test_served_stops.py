@@ -87,7 +87,7 @@ def test_contactctl_does_not_call_done_what_no_one_has_seen(
     first, cause, silent = result.stderr.splitlines()
     assert f"not seen to stand: {name}; press the emergency stop" in first
     assert cause.startswith("  - faulted: samples stale")
-    assert "hear nothing of contactd until `reset`" in silent
+    assert "contactd sends nothing to the drives until `reset`" in silent
     status = json.loads(romeo.contactctl("--json", "status").stdout)
     assert (status["unproved"], status["silenced"]) == ([name], True)
     wires[0].lost.clear()

@@ -369,7 +369,7 @@ def test_only_recordings_of_the_present_estimator_are_replayed(version: int) -> 
         assert (found.identical, found.older) == (True, "")
     else:
         assert (found.identical, found.states) == (False, 0)
-        assert "computed something else: replay it with that version" in found.older
+        assert "was a different one: replay it with that version" in found.older
 
 
 def test_cannot_read(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> 
     result = run("pause")
     assert (result.exit_code, result.stdout) == (
         0,
-        "admittance: no trajectory goes on; the arm holds once it is released\n",
+        "admittance: no trajectory will continue; the arm holds once it is released\n",
     )
 
 
@@ -141,7 +141,7 @@ def test_a_stop_that_no_one_has_seen_is_a_failure(
         "contactctl: not seen to stand: LElbowRoll, LWristYaw; press the emergency stop if it moves"
     )
     where = f"  - {command} done" if no_wait else f"  - {mode}: because of {mode}"
-    silent = ["  - the drives hear nothing of contactd until `reset`"] if silenced else []
+    silent = ["  - contactd sends nothing to the drives until `reset`"] if silenced else []
     assert others == [where, *silent]
     answer = json.loads(run("--json", command, *no_wait).stdout)
     assert (answer["ok"], answer["unproved"]) == (False, ["LElbowRoll", "LWristYaw"])
@@ -317,6 +317,6 @@ def test_an_answer_that_has_no_room_is_one_line(fake_daemon: Any, command: list[
         done = subprocess.run(
             words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
-    assert done.stderr == "contactctl: the answer cannot be written: No space left on device\n"
+    assert done.stderr == "contactctl: cannot write the output: No space left on device\n"
     assert done.returncode == 65
     assert [seen for seen, _ in fake_daemon.seen] == [one for one in command if one[0] != "-"]

@@ -113,11 +113,11 @@ def test_each_phase_is_shown_once_and_enter_rejoins(
 def test_it_takes_one_source(words: list[str]) -> None:
     result = CliRunner().invoke(contactctl.main, ["follow", *words])
     assert result.exit_code == 2
-    assert "either a FILE.csv, or --leader SOCKET" in result.stderr
+    assert "give either a FILE.csv or --leader SOCKET" in result.stderr
 
 
 def test_a_leader_with_other_joints_is_refused(fake_daemon: Any) -> None:
-    with pytest.raises(ControlError, match="they must be the same, in this order"):
+    with pytest.raises(ControlError, match="names and order must be the same"):
         next(command._of_leader(fake_daemon.path, Path("other.sock"), ["x"]))
 
 

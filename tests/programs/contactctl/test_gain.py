@@ -49,7 +49,7 @@ def test_the_table_says_how_even_it_is_before_and_after(romeo: ServedDaemon) -> 
         assert f" {row[f'{when}least_N']:.1f} to {row[f'{when}most_N']:.1f}" in table
     assert "inf" not in table  # the drives are off: it feels nothing yet
     assert max(map(len, table.split("Forces")[0].splitlines())) <= 80
-    assert "Largest force of led joints, of the smallest: " in table
+    assert "Ratio of largest to smallest force when led: " in table
 
 
 def test_a_gain_that_is_refused_while_applying_is_an_error(
@@ -64,9 +64,9 @@ def test_a_gain_that_is_refused_while_applying_is_an_error(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("LElbowRoll", "--balance"), "--balance is about all joints"),
-        (("--apply",), "--apply belongs to --balance"),
-        (("LElbowRoll", "0.3", "--apply"), "--apply belongs to --balance"),
+        (("LElbowRoll", "--balance"), "--balance applies to all joints"),
+        (("--apply",), "--apply requires --balance"),
+        (("LElbowRoll", "0.3", "--apply"), "--apply requires --balance"),
     ],
 )
 def test_options_that_do_not_go_together(

@@ -57,8 +57,8 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("carry", "-1kg"), "'-1kg' is not allowed: 0 to 100 kg."),
-        (("carry", "101"), "'101' is not allowed: 0 to 100 kg."),
+        (("carry", "-1kg"), "'-1kg' is out of range: 0 to 100 kg."),
+        (("carry", "101"), "'101' is out of range: 0 to 100 kg."),
         (
             ("poke",),
             "no command 'poke'; there are: push, lean, press, lead, gap, clamp, carry, release",

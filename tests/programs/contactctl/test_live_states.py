@@ -140,7 +140,7 @@ def test_watch_says_what_was_known_last(fake_daemon: Any, how: str) -> None:
     if how == "silent":
         fake_daemon.states = lambda tick: None
         seen = read_until(ours, b"was ")
-        seen += read_until(ours, b"nothing for")
+        seen += read_until(ours, b"no data for")
         assert b"\x1b[?1049l" not in seen  # in good time: the picture is still there
         why = b"the daemon fell silent"
     else:

@@ -166,7 +166,7 @@ def test_an_arm_that_its_motors_cannot_hold_everywhere_is_reported(tmp_path):
     assert "belongs to another configuration" in refused  # which the URDF is part of
     assert exchange.startswith("bus load")
     assert warning == (
-        "swing: gravity is more than the motor can hold (5.672 Nm of 4.8 Nm): "
+        "swing: gravity exceeds what the motor can hold (5.672 Nm of 4.8 Nm): "
         "are masses in kg and lengths in m?"
     )
     assert good.endswith("config.yaml: good")

@@ -89,7 +89,7 @@ def test_0x6064_beside_a_motors_encoder_may_be_the_links(tmp_path):
     (tmp_path / "drive.eds").write_text(ALL["zeroerr_edriver"].without(0x20A0).eds())
     choices = choices_of(load_data_sheet(tmp_path / "drive.eds"), {})
     assert choices["link_position"].chosen.where == (0x6064, 0)
-    assert "which sensor is where" in choices["link_position"].chosen.doubt
+    assert "which sensor it is" in choices["link_position"].chosen.doubt
     assert choices["motor_position"].chosen.where == (0x2240, 0)
 
 
@@ -119,7 +119,9 @@ def test_a_refusal_says_what_was_looked_at_and_how_to_name_it(tmp_path):
     with pytest.raises(ConfigurationError) as refused:
         drafted_drive(load_data_sheet(tmp_path / "drive.eds"), "drive.eds")
     said = str(refused.value)
-    assert "nothing in its EDS is surely its current or torque: 0x6078:00 is not there" in said
+    assert (
+        "no object in its EDS is certain to be its current or torque: 0x6078:00 is missing" in said
+    )
     assert "0x30B2:00 'Current threshold for homing mode' can be written (access rww)" in said
     assert "name it by --object current=0xINDEX:SUB, if its manual has one" in said
 

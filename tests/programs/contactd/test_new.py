@@ -140,11 +140,11 @@ def test_nothing_is_overwritten(tmp_path):
         (lambda u, e: (u.replace("</robot>", ""), e), "arm.urdf: not XML"),
         (lambda u, e: (re.sub(r"(?s)<inertial>.*?</inertial>", "", u), e), "has a mass"),
         (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
-         "cannot be used, because nothing in its EDS is surely its target_velocity: 0x60FF:00 is "
-         "not there; name it by --object target_velocity=0xINDEX:SUB"),
+         "cannot be used, because no object in its EDS is certain to be its target_velocity: "
+         "0x60FF:00 is missing; name it by --object target_velocity=0xINDEX:SUB"),
         (lambda u, e: (u, "nothing"), "not a readable EDS"),
         (lambda u, e: (in_millimetres(u), e),
-         "arm.urdf: joint '.*' would need a motor of .* Nm, at most 3000 can be: are masses in kg"
+         "arm.urdf: joint '.*' would need a motor of .* Nm, at most 3000 is allowed: are masses"
          "(.|\n)*arm.urdf, line [0-9]+: joint 'LElbowRoll': its <origin> is .* m .*: in mm?"),
         (lambda u, e: (re.sub(r'<mass value="([^"]+)"', r'<mass value="\g<1>e3"', u), e),
          "arm.urdf: joint '.*' would need a motor of .* Nm(.|\n)*its inertia .* tungsten"),
@@ -221,7 +221,7 @@ def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
     eds = str(ROMEO / "drive.eds")
     other = str(DESK_ARM / "drive.eds")
     twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={other}")
-    assert (twice.exit_code, "two drives of one name" in twice.output) == (78, True)
+    assert (twice.exit_code, "two drives have the same name" in twice.output) == (78, True)
     missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
     assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)
 
@@ -230,12 +230,12 @@ def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
     ("folder", "urdf", "sheets", "says"),
     [
         ("mine", "arm.urdf", ["a=one/drive.eds", "b=other/drive.eds"], "both are copied to one"),
-        ("mine", "config.yaml", ["one/drive.eds"], "config.yaml is written here"),
-        ("mine", "simulation.urdf", ["one/drive.eds"], "simulation.urdf is written here"),
+        ("mine", "config.yaml", ["one/drive.eds"], "config.yaml is generated"),
+        ("mine", "simulation.urdf", ["one/drive.eds"], "simulation.urdf is generated"),
         ("mine", "arm.urdf", ["=one/drive.eds"], "--eds =.*: must be NAME=FILE"),
         ("mine", "arm.urdf", [f"{i}=one/drive.eds" for i in range(8)], "has only 7 joints"),
         ("nowhere", "arm.urdf", ["one/drive.eds"], "nowhere exists: it is never overwritten"),
-        ("arm.urdf/mine", "arm.urdf", ["one/drive.eds"], "mine cannot be made: Not a directory"),
+        ("arm.urdf/mine", "arm.urdf", ["one/drive.eds"], "mine cannot be created: Not a directory"),
     ],
 )
 def test_files_that_would_take_the_place_of_others_are_refused(

@@ -110,7 +110,7 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
     said = " ".join(result.output.split())
     assert "big (at joint1, CHECK): can be used" in said
     assert f"contactd guard {tmp_path / 'mine'} holds the arm" in said
-    assert re.search(r"small \(at joint2, .*CHECK\): is too weak: .* of its rated 3 Nm", said)
+    assert re.search(r"small \(at joint2, .*CHECK\): is too weak: .* it is rated for 3 Nm", said)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
         (drives("damio:DM4340"), "--drive damio:DM4340: no make damio; there are damiao:DM4310, "),
         (drives("damiao:"), "--drive damiao:: must be [NAME=]MAKE:MODEL; there are damiao:DM4310"),
         (drives("DM4340"), "must be [NAME=]MAKE:MODEL; there are damiao:DM4310"),
-        (drives("a=damiao:DM4340", "a=damiao:DM4310"), "a is another model already"),
+        (drives("a=damiao:DM4340", "a=damiao:DM4310"), "a names another model already"),
         (drives(*8 * ["damiao:DM4340"]), "has only 7 joints"),
     ],
 )  # fmt: skip

@@ -210,14 +210,14 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ("", "is empty"),
-        ("a,b", "no column is a time"),
+        ("", "empty: it has no"),
+        ("a,b", "no column has the name of a time"),
         ("time,base_pos,elbow_cur", "no joint of arm.urdf (base, shoulde"),
         ("time,base_pos,base_cur\n", "too short: 0 samples, at least 100"),
         ("time,base_pos,base_cur\n1,2,nan", "log.csv:2: base_cur is nan"),
-        ("time,base_pos,base_cur,base_pos", "two columns base_pos"),
+        ("time,base_pos,base_cur,base_pos", "duplicate columns base_pos"),
         ("time,base_pos,base_cur", "time does not grow at sample 1"),
-        ("time;base_pos;base_cur", "log.csv:1: fields stand apart by ';', allowed are commas"),
+        ("time;base_pos;base_cur", "log.csv:1: fields are separated by ';', allowed are commas"),
         ("time,base_pos,base_cur\n1,off,3", "log.csv:2: base_pos is 'off': not a number"),
     ],
 )
@@ -323,7 +323,7 @@ def test_a_constant_by_the_urdfs_masses_proves_nothing_by_them(tmp_path: Path) -
     assert guessed_constants(load_robot(config)).tolist() == [np.inf, 0.2, 0.2, 0.2]
     refused = CliRunner().invoke(main, ["identify", "masses", *given])
     assert refused.exit_code == ConfigurationError.exit_code
-    assert "joints[0] (base).torque_constant: a guess" in refused.output
+    assert "joints[0] (base).torque_constant: guessed" in refused.output
     answer = CliRunner().invoke(main, ["identify", "friction", *given]).output
     assert "torque constant unknown" in answer
     assert "not written: base" in answer

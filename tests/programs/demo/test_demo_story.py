@@ -116,7 +116,7 @@ def faulted(states, touch):
     ("spoil", "what"),
     [
         (without_admittance, "the arm tracked, yielded, and tracked again"),
-        (with_a_jump, "it went on without a jump"),
+        (with_a_jump, "it continued without a jump"),
         (untouched, "the push was detected"),
         (with_a_false_contact, "no false contact"),
         (faulted, "no fault was latched"),
@@ -151,9 +151,9 @@ def test_touch_needs_a_begin_and_a_release():
 @pytest.mark.parametrize(
     ("passed", "missed", "says"),
     [
-        (True, 3, "the story happened"),
+        (True, 3, "all as expected"),
         (False, 0, "it failed"),
-        (False, 6, "it failed: this machine was too busy, 6 deadlines were missed; try again"),
+        (False, 6, "it failed: this computer was too busy, 6 deadlines were missed; try again"),
     ],
 )
 def test_a_machine_that_was_late_is_said_so(passed: bool, missed: int, says: str) -> None:

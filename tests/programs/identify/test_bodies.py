@@ -89,7 +89,7 @@ def test_masses_of_a_csv_become_the_model_of_every_part(folder, subjects, motion
     result = identify(folder, motion, "masses")
     assert result.exit_code == 0, result.output
     assert "Nm by the URDF" in result.output
-    assert "friction and thresholds belong to them" in result.output
+    assert "friction and thresholds depend on them" in result.output
     assert (folder / "arm.urdf").read_text() == (ROMEO / "arm.urdf").read_text()
     robot = load_robot(folder)
     c = robot.configuration
@@ -221,7 +221,7 @@ def test_a_name_that_means_something_else_is_refused_before_anything_is_read(fol
     words = ["identify", "payload", "--config", str(folder), "--log", missing, "--", name]
     result = CliRunner().invoke(main, words)
     assert isinstance(result.exception, ConfigurationError | SystemExit)
-    assert "is no name of a payload" in result.output + str(result.exception)
+    assert "is no payload name" in result.output + str(result.exception)
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def test_a_gap_needs_two_positions_and_a_torque(tmp_path: Path) -> None:
     assert "alpha 20.00 mrad" in result.output
     friction = CliRunner().invoke(main, ["identify", "friction", *given])
     assert friction.exit_code != 0
-    assert "no motor_velocity of joint: taken from the change of position" in friction.output
+    assert "no motor_velocity of joint: derived from the position" in friction.output
 
 
 def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_several_logs_are_one_run_of_work(tmp_path: Path) -> None:
     both = CliRunner().invoke(main, [*given, "--log", str(paths[1])])
     assert both.exit_code == 0, both.output
     assert "alpha 20." in both.output
-    assert "logs at several rates: all taken every 20 ms" in both.output
+    assert "logs at several rates: all resampled to 20 ms" in both.output
 
 
 def test_what_would_not_be_read_again_is_not_written() -> None:
@@ -111,7 +111,7 @@ def test_a_column_that_is_missing_comes_with_what_to_write_instead(tmp_path: Pat
     columns = pressed(0.02)
     del columns["torque.joint"]
     path = save(tmp_path / "log.csv", columns)
-    with pytest.raises(LogError, match=r"torque\.joint \[Nm\] would do.*log\.yaml beside it"):
+    with pytest.raises(LogError, match=r"torque\.joint \[Nm\] suffices.*log\.yaml"):
         read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
 
 
@@ -228,8 +228,8 @@ def moving() -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     ("rows", "period", "note"),
     [(np.repeat(np.arange(1200), 2), 0.0, "1200 rows repeat the time of the row before"),
-     (np.repeat(np.arange(1200), 2), 0.005, "1200 rows hold the values of the row before"),
-     (np.repeat(np.arange(1200), 5), 0.002, "4800 rows hold the values of the row before")],
+     (np.repeat(np.arange(1200), 2), 0.005, "1200 rows repeat the values of the row before"),
+     (np.repeat(np.arange(1200), 5), 0.002, "4800 rows repeat the values of the row before")],
 )  # fmt: skip
 def test_rows_that_only_repeat_another_are_left_out(
     tmp_path: Path, rows: np.ndarray, period: float, note: str
@@ -353,7 +353,7 @@ def test_a_real_log_of_others_by_its_names(tmp_path: Path) -> None:
         ("unit: ms", "unit: ms, units: s", "unknown key `units`"),
         ("joints:", "joint:", "theirs.yaml"),
         ("rows: {", "rows: [", "theirs.yaml:3"),
-        ("least: 100", "least: 1000", "there are no samples in it"),
+        ("least: 100", "least: 1000", "it contains no samples"),
     ],
 )
 def test_a_file_of_names_that_is_wrong_is_reported_where(
@@ -415,7 +415,7 @@ def without_effort(messages: list[dict[str, object]]) -> None:
 @pytest.mark.parametrize(
     ("names", "change", "encoding", "says"),
     [(OF_A_TOPIC.replace("/arm", "/leg"), None, "json", "no topic /leg; there are /arm"),
-     (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
+     (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', required for an MCAP"),
      (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr by no schema"),
      (OF_A_TOPIC, without_effort, "json", r"message 10 has no number effort\[0\]"),
      (OF_A_TOPIC.replace("motor.angle", "motor"), None, "json", "no column motor in")],
@@ -447,7 +447,7 @@ def test_an_mcap_that_ends_in_the_middle_is_refused(tmp_path: Path) -> None:
 def test_a_csv_has_no_topic(tmp_path: Path) -> None:
     path = save(tmp_path / "log.csv", pressed(0.02))
     (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
-    with pytest.raises(LogError, match="topic: '/arm', only an MCAP has any"):
+    with pytest.raises(LogError, match="topic: '/arm', allowed only for an MCAP"):
         read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
 
 
@@ -462,7 +462,7 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
 def test_fields_that_no_comma_parts_are_refused(tmp_path: Path, other: str, shown: str) -> None:
     path = save(tmp_path / "log.csv", pressed(0.02))
     path.write_text(path.read_text().replace(",", other))
-    with pytest.raises(LogError, match=f"log.csv:1: fields stand apart by {shown}, allowed are"):
+    with pytest.raises(LogError, match=f"log.csv:1: fields are separated by {shown}, allowed"):
         read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
 
 

@@ -82,8 +82,8 @@ def log() -> MotionLog:
 
 @pytest.mark.parametrize(
     ("load", "coulomb", "level", "says"),
-    [((0.1, 0.14), 0.35, 0.3, ""), (None, 0.35, 0.3, "a hand one way"),
-     ((0.1, 0.14), 0.25, 0.08, "contacts without a touch")],
+    [((0.1, 0.14), 0.35, 0.3, ""), (None, 0.35, 0.3, "a hand must press"),
+     ((0.1, 0.14), 0.25, 0.08, "false contacts")],
 )  # fmt: skip
 def test_a_law_that_is_wrong_is_named_and_stays(log, load, coulomb, level, says) -> None:
     joints = list(C.joints)

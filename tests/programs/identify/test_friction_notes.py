@@ -18,7 +18,7 @@ from programs.identify.friction_notes import (
 )
 
 LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
-URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
+URDF = "as the URDF's masses may be wrong{}: run `contactd identify masses`, then `friction` again"
 
 
 def fit(
@@ -44,32 +44,32 @@ def fit(
         (
             [fit("a", 0.24, 131.0), fit("b", 0.1, 5.0)],
             True,
-            ("friction is known of a to +-12 %: `--seconds 140` narrows that to +-7.5 %",),
+            ("friction is known to +-12 % at a: `--seconds 140` narrows that to +-7.5 %",),
         ),
         (
             [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0)],
             False,
-            (f"friction is known of a to +-12 %, b to +-10 %, {URDF}; where the URDF is as good, "
-             "`--seconds 600` narrows that to +-7.5 %",),
+            (f"friction is known to +-12 % at a, +-10 % at b, {URDF.format('')}; if the URDF is "
+             "good enough, `--seconds 600` narrows that to +-7.5 %",),
         ),
         (
             [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0, masses_matter=False)],
             False,
-            (f"friction is known of a to +-12 %, b to +-10 %, of a, {URDF}; where the URDF is as "
-             "good, `--seconds 600` narrows that to +-7.5 %",),
+            (f"friction is known to +-12 % at a, +-10 % at b, {URDF.format(' (a)')}; if the URDF "
+             "is good enough, `--seconds 600` narrows that to +-7.5 %",),
         ),
         (
             [fit("a", 0.24, 131.0, masses_matter=False)],
             False,
-            ("friction is known of a to +-12 %: `--seconds 140` narrows that to +-7.5 %",),
+            ("friction is known to +-12 % at a: `--seconds 140` narrows that to +-7.5 %",),
         ),
         (
             [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
             True,
-            ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` "
+            ("friction is known to +-25 % at a, +-10 % at b, +-12 % at c: `--seconds 140` "
              "narrows that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: a longer "
-             "motion takes off no error of masses, of torque constants, of friction that falls "
-             "with speed, or of what a motor's setpoints do within a period",),
+             "motion does not reduce errors of masses, of torque constants, of friction that falls "
+             "with speed, or of setpoints that change within a period",),
         ),
     ],
 )  # fmt: skip
@@ -82,11 +82,11 @@ def test_what_a_rotor_that_is_not_taken_costs_is_said() -> None:
     fits = [SimpleNamespace(joint=joint, rotor_doubt=doubt, verdict=Verdict.GOOD)
             for joint, doubt in doubts]  # fmt: skip
     steps, log = rotor_doubts(fits, [0.123, 1.0, 0.05, 0.2])
-    assert steps.startswith("B of a, c is not taken: steps. ")
+    assert steps.startswith("B of a, c is rejected: steps. ")
     assert "levels bear 0.12, 0.05 Nm more" in steps
     assert "B of d" in log
     (of_none,) = rotor_doubts(fits[:1], [0.0])  # no rotor in force: twice none is no cost
-    assert of_none == "B of a is not taken: steps"
+    assert of_none == "B of a is rejected: steps"
 
 
 @pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])
@@ -109,8 +109,8 @@ def test_the_person_of_the_bench_reads_it():
         (1.0, 0.0, Verdict.GOOD, None),
         (1.09, 0.4, Verdict.GOOD, None),
         (float("nan"), 0.0, Verdict.GOOD, None),
-        (1.25, 1.0, Verdict.GOOD, "masses are off: elbow by +25 % (1 Nm)"),
-        (0.85, 0.6, Verdict.GOOD, "masses are off: elbow by -15 % (0.6 Nm)"),
+        (1.25, 1.0, Verdict.GOOD, "masses are wrong: elbow by +25 % (1 Nm)"),
+        (0.85, 0.6, Verdict.GOOD, "masses are wrong: elbow by -15 % (0.6 Nm)"),
         (0.85, 0.0, Verdict.GOOD, None),  # of next to nothing
         (1.4, 1.0, Verdict.WRONG_GRAVITY, None),  # its own reason says it
     ],
@@ -124,7 +124,7 @@ def test_gravity_that_does_not_fit_is_reported(scale, off, verdict, says) -> Non
 
 @pytest.mark.parametrize(
     ("load", "bound", "verdict", "says"),
-    [(None, 0.3, Verdict.GOOD, "would not show at wrist, as what the gear carries changes"),
+    [(None, 0.3, Verdict.GOOD, "cannot be seen at wrist, as the load on the gear changes"),
      (None, 0.05, Verdict.GOOD, None), ((0.1, 0.4), 0.4, Verdict.GOOD, None),
      (None, 0.3, Verdict.BAD_FIT, None)],
 )  # fmt: skip

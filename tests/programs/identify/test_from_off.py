@@ -92,7 +92,7 @@ def test_a_fault_stays_where_no_one_can_be_asked(
 def test_no_question_without_a_terminal(served: ServedDaemon) -> None:
     result = served.contactd("identify", "wiring")
     assert result.exit_code == 1
-    assert "the drives are off, and are enabled for this: without a" in result.output
+    assert "the drives are off and must be enabled for this step: without a" in result.output
     assert served.rig.mode is Mode.OFF
 
 
@@ -136,12 +136,12 @@ def test_drives_that_were_enabled_move_after_a_yes_and_stay_on(
     stands = float(served.rig.samples.link_position[0])
     refused = served.contactd("identify", "wiring")
     assert refused.exit_code == 1
-    assert "the drives are on, and the arm moves for this: without a" in refused.output
+    assert "the drives are on and the arm will move for this step: without a" in refused.output
     assert float(served.rig.samples.link_position[0]) == pytest.approx(stands, abs=1e-3)
     result = served.contactd("identify", "wiring", "--yes")
     assert result.exit_code == 0, result.output
     assert served.rig.mode is Mode.HOLDING
-    assert "taken up before the drives are enabled the next time" in result.output
+    assert "taken up before the drives are next enabled" in result.output
     assert served.service.process.files.changed() == ["identified.yaml"]
 
 
@@ -152,7 +152,7 @@ def test_the_arm_goes_back_to_where_it_stood(
     monkeypatch.setattr("programs.identify.live_arm.MOVED", 1e-4)
     stood = float(served.rig.samples.link_position[0])
     result = served.contactd("identify", "friction", "--seconds", "20", "--yes")
-    assert "all joints go back to where they stood" in result.output
+    assert "all joints return to where they stood" in result.output
     assert served.rig.mode is Mode.OFF
     assert float(served.rig.samples.link_position[0]) == pytest.approx(stood, abs=0.03)
 
@@ -218,7 +218,7 @@ def test_a_step_enables_only_once(served: ServedDaemon, tmp_path: Path) -> None:
 def test_ctrl_c_leaves_it_holding_and_says_so(served: ServedDaemon) -> None:
     status, said = stopped(served, "friction", "--seconds", "20", "--yes")
     assert status == 1
-    assert "the drives stay on, and the arm holds; `contactctl disable` ends that" in said
+    assert "the drives stay on and the arm holds; `contactctl disable` ends this" in said
     assert served.rig.mode is Mode.HOLDING
 
 

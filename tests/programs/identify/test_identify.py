@@ -133,8 +133,8 @@ def test_bad_logs_write_nothing(folder, change, says):
      ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: time is 'xxx"),
      ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4: is the file cut off?"),
      ("{header}\n1,2,3,4,5\n", "bad.csv:2: 5 fields, the header has 4: is a decimal written with"),
-     ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
-     ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
+     ("{header},time\n1,2,3,4,5\n", "bad.csv: duplicate columns time"),
+     ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: blank line between rows"),
      ("{header}\n1,2,3,4\n2,1_0,3,4\n", "is '1_0': not a number"),
      ("{header}\n2026-31-05T10:00,2,3,4\n", "neither a number nor a time by ISO 8601"),
      ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: ")],
@@ -185,7 +185,7 @@ def test_a_folder_that_takes_no_picture_keeps_no_result_back(folder):
     log = write(folder / "hand.csv", by_hand())
     result = identify(folder, log, "gap", "joint")
     assert result.exit_code == 0, result.output
-    assert "no picture: " in result.output
+    assert "no plot: " in result.output
     assert load_robot(folder).configuration.joints[0].half_gap == pytest.approx(0.09, rel=0.01)
 
 
@@ -221,7 +221,7 @@ def test_friction_without_the_touched_stretch(states, folder):
 
 @pytest.mark.parametrize(
     ("weighed", "urdf_off", "says"),
-    [(False, 1.0, "masses may be off: run `contactd identify masses`, then `friction` again"),
+    [(False, 1.0, "masses may be wrong: run `contactd identify masses`, then `friction` again"),
      (False, 0.03, ": `--seconds 600` "),
      (True, 1.0, ": `--seconds 600` leaves joint +-")],
 )  # fmt: skip
@@ -241,7 +241,7 @@ def test_friction_that_is_not_known_well_says_what_to_do(
         assert friction_outcome(robot, measured, DAY).notes == ()
     monkeypatch.setattr("programs.identify.friction_notes.WIDE", 0.02)
     (note,) = friction_outcome(robot, measured, DAY).notes
-    assert note.startswith("friction is known of joint to +-")
+    assert note.startswith("friction is known to +-")
     assert says in note
 
 

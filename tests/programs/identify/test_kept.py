@@ -16,7 +16,7 @@ from tests.programs.identify.typed_session import TypedCommand, identify, stoppe
 
 THRESHOLDS = ("thresholds", "--seconds", "40")
 FRICTION = ("friction", "--seconds", "20")
-OF_OTHERS = "has residuals of other values of the joints than are in force now"
+OF_OTHERS = "has residuals computed with other values of the joints than those in force"
 OF_OTHER_WIRING = "was recorded with other drives, another wiring or another period"
 
 
@@ -42,7 +42,7 @@ def refused(served: ServedDaemon, *words: str) -> str:
     typed = TypedCommand(served, *words)
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (65, 0), said
-    assert "going on with" not in said
+    assert "continuing earlier measurements" not in said
     return said
 
 
@@ -76,7 +76,7 @@ def test_residuals_of_other_values_are_in_the_way_until_they_are_deleted(
         assert first.name not in said
         second.unlink()
         moves(served, *THRESHOLDS)
-        assert "s of 40 s are measured already" in moves(served, *THRESHOLDS)
+        assert "s of 40 s were measured before" in moves(served, *THRESHOLDS)
 
 
 def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(
@@ -86,7 +86,7 @@ def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(
         moves(served, *FRICTION)
     find_a_wider_gap(arm)
     with holding(arm) as served:
-        assert "going on with" in moves(served, *FRICTION)
+        assert "continuing earlier measurements" in moves(served, *FRICTION)
 
 
 @pytest.mark.parametrize("words", [("gap", "--by-hand"), FRICTION, THRESHOLDS])
@@ -101,7 +101,7 @@ def test_samples_of_another_wiring_are_in_the_way_of_every_step(
         said = refused(served, *words)
     (part,) = kept(arm)
     assert f"{part.name} {OF_OTHER_WIRING}" in said
-    assert said.endswith("than the configuration has now: delete it and run this again")
+    assert said.endswith("than the present configuration has: delete it and run this again")
     assert "stands still" not in said  # no one is asked to move a link first
 
 
@@ -113,4 +113,4 @@ def test_a_recording_without_samples_is_in_the_way_by_its_name(arm: Commissioned
         served.until(lambda: record(lambda: Client(served.path), second, stop=lambda: True))
         said = refused(served, *FRICTION)
     assert f"{first.name} is empty; " in said
-    assert f"{second.name}: there are no samples in it: delete them and run this again" in said
+    assert f"{second.name}: it contains no samples: delete them and run this again" in said

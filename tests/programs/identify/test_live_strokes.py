@@ -73,7 +73,7 @@ def test_a_touch_ends_it_and_nothing_is_written(arm: CommissionedArm) -> None:
     (torque,) = re.findall(r"joint ([+-]\S+) Nm \(contact\)", said)
     (level,) = re.findall(r"set its thresholds.contact to (\S+) until", " ".join(said.split()))
     assert float(level) == pytest.approx(2.0 * abs(float(torque)), abs=0.06)
-    assert "The same command begins joint anew" in " ".join(said.split())
+    assert "The same command starts joint afresh" in " ".join(said.split())
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
@@ -133,7 +133,7 @@ def test_it_is_said_what_will_move_and_how_far() -> None:
     here = np.array([0.5 * (j.limits.lower + j.limits.upper) for j in c.joints])
     own = StrokesOfJoint.of(c, Model(robot.urdf, c.joint_names), 0, here)
     text = own.announcement()
-    assert text.startswith(f"The arm goes slowly: LShoulderPitch from {here[0]:.2f} to")
+    assert text.startswith(f"The arm moves slowly: LShoulderPitch from {here[0]:.2f} to")
     low, high = own.room
     limits = c.joints[0].limits
     assert limits.lower < low < high < limits.upper

@@ -100,7 +100,7 @@ def test_a_link_that_moves_by_another_share_is_moved_once_more(tmp_path: Path) -
     arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=off)
     assert not arm.identify("wiring")
     said = " ".join(arm.output.split())
-    assert said.count("by another share than its motor: once more") == 1
+    assert said.count("by a different amount than its motor: once more") == 1
     assert re.search(r"the link moves 0\.8\d+ times as far as the motor reports: gear, or", said)
 
 

@@ -76,4 +76,4 @@ def test_the_command_shows_it_without_a_daemon(place: Path) -> None:
     assert "known: " in known.output
     astray = CliRunner().invoke(main, ["identify", "--config", str(place), "gap", "joint"])
     assert astray.exit_code == 2
-    assert "go behind the step" in astray.output
+    assert "must follow the step's name" in astray.output

@@ -124,7 +124,7 @@ def test_friction_goes_on_from_where_it_was_stopped(
     typed = TypedCommand(served, "friction", "--seconds", "36")
     status, said = typed.ends()
     assert status == 0, said
-    (measured,) = re.findall(r"part01\.mcap (\d+) s of 36 s are measured already", said)
+    (measured,) = re.findall(r"part01\.mcap (\d+) s of 36 s were measured before", said)
     assert int(measured) == pytest.approx(already, abs=1.0)
     assert typed.ticks_in_motion < 4000
     first, second = sorted((arm.folder / "identify").glob("friction-*.mcap"))
@@ -213,8 +213,8 @@ def test_thresholds_are_those_of_the_values_in_force(
     (part,) = (arm.folder / "identify").glob("*.mcap")
     gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
-    refused(arm, served, part, "thresholds", live="residuals use older ones: `contactctl disable`",
-            log="than are in force now: `contactctl reload`, and record anew")  # fmt: skip
+    refused(arm, served, part, "thresholds", live="its residuals use outdated ones: `contactctl",
+            log="than those in force: `contactctl reload`, then record again")  # fmt: skip
 
 
 ENDED = "identify friction came to its end"

@@ -107,7 +107,7 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
     assert raised_to == pytest.approx(RAISED * level, rel=0.02)
     assert raised_to <= RAISED * level
     (note,) = outcome.notes
-    assert note.startswith(f"joint: its friction hides {hidden:.2g} Nm at rest")
+    assert note.startswith(f"joint: level raised, as friction hides {hidden:.2g} Nm at rest")
 
 
 def test_a_joint_that_swings_gets_no_level(make_state) -> None:
@@ -191,7 +191,7 @@ def test_a_stated_level_is_left(make_state, stated: float, warns: bool) -> None:
     (note,) = outcome.notes
     assert f".contact: {stated:g} Nm is stated in config.yaml and in force; {measured:g} Nm" in note
     assert "remove `thresholds` from its `known`" in note
-    assert ("less than was measured" in note) is warns
+    assert ("below the measured one" in note) is warns
 
 
 def test_a_floor_that_does_not_fit_what_was_measured_is_refused(make_state) -> None:

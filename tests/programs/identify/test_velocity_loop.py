@@ -29,7 +29,7 @@ def said(off: float, pressed: float, ended: str = "drive does not follow: joint 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_drive_that_presses_softly_the_right_way_wants_a_larger_margin(way: float) -> None:
     text = said(0.42 * way, 0.05 * way)
-    assert text.startswith(". joint: its velocity loop is soft: raise its gains")
+    assert text.startswith(". joint: its velocity loop is too soft: raise its gains")
     assert "set supervisor.following_margin to 0.7 (it is 0.2)" in text
 
 
@@ -44,7 +44,7 @@ def test_a_drive_whose_current_stays_or_goes_the_other_way_may_be_deaf(
 
 def test_no_margin_is_stated_with_which_no_drive_looks() -> None:
     text = said(0.9, 0.05)
-    assert "its velocity loop is soft" in text
+    assert "its velocity loop is too soft" in text
     assert "following_margin" not in text
 
 

@@ -82,8 +82,8 @@ def test_a_link_that_is_not_held_to_one_side_says_nothing(pushed: list[float]) -
 
 @pytest.mark.parametrize(
     ("pushed", "says"),
-    [([0.0], "it did not move: push its link one way"),
-     ([0.02] * 5, "it went from +0.0 to +20.0 mrad")],
+    [([0.0], "it did not move: push its link in one direction"),
+     ([0.02] * 5, "it moved between +0.0 and +20.0 mrad")],
 )  # fmt: skip
 def test_what_is_to_be_done_is_said(pushed: list[float], says: str) -> None:
     seen = np.array([*REST, *pushed])
@@ -146,7 +146,7 @@ def test_an_angle_at_which_no_link_stands_is_refused(
     i = robot.configuration.joint_names.index("elbow")
     lower, upper = generate(1).stops[i]
     assert not_possible(robot, {"elbow": lower - 0.1, "base": 0.0}) == []
-    said = f"elbow={degrees:g}: by the URDF it stands within [{lower:g}, {upper:g}] rad{meant}"
+    said = f"elbow={degrees:g}: outside the URDF's limits [{lower:g}, {upper:g}] rad{meant}"
     assert not_possible(robot, {"base": 0.1, "elbow": degrees}) == [said]
 
 
@@ -163,7 +163,7 @@ def test_links_are_pushed_while_the_drives_are_off(tmp_path: Path) -> None:
     assert "in degrees? then elbow=0.4363" in " ".join(degrees.output.split())
     assert unmoved.exit_code == 1
     assert "and hold it there until you have answered" in " ".join(unmoved.output.split())
-    assert "the arm is holding: links are pushed while the drives are off" in holding.output
+    assert "the arm is holding: links may only be pushed while the drives are off" in holding.output
     assert not (folder / "identified.yaml").exists()
 
 

@@ -100,11 +100,11 @@ def test_an_unannounced_load_stops_learning_unless_it_is_set_here() -> None:
         ("-1", "Expected `float` > 0.0"),
         ("1e9", "Expected `float` <= 100.0"),
         ("nan", "there is no such name"),
-        (".nan", "it is none, a mass"),
-        ("[0.3]", "it is none, a mass"),
+        (".nan", "must be none, a mass"),
+        ("[0.3]", "must be none, a mass"),
         ("{mass: 0.3, place: 1}", "unknown field `place`"),
         ("{mass: 0.3, com: [9, 0, 0]}", "com"),
-        ("{", "is not YAML"),
+        ("{", "is not valid YAML"),
     ],
 )
 def test_payloads_that_cannot_be(recording: Path, value: str, said: str) -> None:

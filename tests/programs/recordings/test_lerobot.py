@@ -61,7 +61,7 @@ def test_recordings_of_two_arms_are_no_dataset(
         },
         joints=["x"],
     )
-    with pytest.raises(lerobot.LogError, match="a dataset is of one arm"):
+    with pytest.raises(lerobot.LogError, match="a dataset must be of one arm"):
         frames.take(other)
 
 
@@ -83,7 +83,7 @@ def test_without_lerobot_it_says_how_to_get_it(
     monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
     result = run("--lerobot", str(tmp_path / "out"), str(RECORDING))
     assert result.exit_code == 65
-    assert "`make lerobot` builds it" in result.stderr
+    assert "build it by `make lerobot`" in result.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -99,7 +99,7 @@ def test_samples_at_another_period_are_said_to_be(tmp_path, states):
     path = saved(tmp_path / "log.csv", states[:500], every=2)
     result = replayed(path)
     assert result.exit_code == 0, result.output
-    assert "samples every 20 ms: taken every 10 ms" in result.output
+    assert "samples every 20 ms: resampled to 10 ms" in result.output
     assert "contacts  none" in result.output
 
 
@@ -176,7 +176,7 @@ def test_motor_positions_that_the_estimator_takes_are_asked_for():
     estimator = msgspec.structs.replace(c.estimator, motor_position="measured")
     t, zero = 0.01 * np.arange(200), np.zeros((200, 1))
     log = MotionLog(("joint",), t, zero, zero, zero)
-    with pytest.raises(LogError, match="no motor_position of every joint"):
+    with pytest.raises(LogError, match="lacks motor_position of some joints"):
         over_log(log, replace(robot, configuration=msgspec.structs.replace(c, estimator=estimator)))
 
 

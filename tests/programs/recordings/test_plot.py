@@ -134,7 +134,7 @@ def test_around_shows_a_window_and_says_what_was_there(
     ("arguments", "status", "said"),
     [
         (["--around", "contact:2"], 65, "--around contact:2: the recording has 1 contact"),
-        (["--around", "99"], 65, "has nothing at 99 s: it lasts 2.09 s"),
+        (["--around", "99"], 65, "has no state at 99 s: it lasts 2.09 s"),
         (["--around", "contact:0"], 2, "is not a time in seconds"),
         (["--joint", "LElbow"], 65, "--joint LElbow: no such joint; there are: LShoulderPitch"),
         (["-o", "a.pdf"], 65, "must end in .html, .png or .svg"),
@@ -158,7 +158,10 @@ def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
     ("missing", "said"),
     [
         (("matplotlib",), f"install it by `{sys.executable} -m pip install matplotlib`"),
-        (("matplotlib", "pip"), f"{sys.prefix} is the service's and takes no more packages"),
+        (
+            ("matplotlib", "pip"),
+            f"{sys.prefix} belongs to the service and takes no further packages",
+        ),
     ],
 )
 def test_without_matplotlib_it_says_what_to_do(
@@ -173,9 +176,7 @@ def test_without_matplotlib_it_says_what_to_do(
     target = tmp_path / "a.png"
     answer = plotted(recording, "-o", target)
     assert (answer.exit_code, target.exists()) == (65, False)
-    assert (
-        "a.png: a picture needs matplotlib; write an .html, which needs none, or" in answer.stderr
-    )
+    assert "a.png: a plot needs matplotlib; write an .html, which needs none, or" in answer.stderr
     assert said in answer.stderr
     assert plotted(recording, "-o", tmp_path / "a.html").exit_code == 0
 

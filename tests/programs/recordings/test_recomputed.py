@@ -82,7 +82,7 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     page = tmp_path / "a.html"
     answer = CliRunner().invoke(main, ["plot", "--last-fault", "-o", str(page)])
     assert answer.exit_code == 0, answer.output
-    assert "thresholds are higher than then" in answer.output
+    assert "with higher thresholds" in answer.output
     assert "at 1.0" in answer.output
     assert page.exists()
     reported = CliRunner().invoke(main, ["replay", str(log)])
@@ -125,11 +125,11 @@ def test_what_is_missing_is_said(run: tuple[Path, list[State]], tmp_path: Path) 
     context_of_log(log).write_bytes(b"{")
     assert "cannot be read" in plotted(log).stderr
     context_of_log(log).unlink()
-    assert ".json is not beside it" in plotted(log).stderr
+    assert "describes its frames, is not beside it" in plotted(log).stderr
     log.unlink()
     answer = plotted("--last-fault")
     assert answer.exit_code == 65
-    assert "there is no log of a black box in" in answer.stderr
+    assert "there is no black-box log in" in answer.stderr
     assert plotted().exit_code == 2
     assert plotted("--last-fault", "x.mcap").exit_code == 2
 
@@ -168,4 +168,4 @@ def test_the_recording_is_one_of_ours(run: tuple[Path, list[State]]) -> None:
 
 def test_help_says_which_log_is_of_the_last_fault() -> None:
     said = " ".join(CliRunner().invoke(main, ["plot", "--help"]).stdout.split())
-    assert "newest log of the black box that has a fault, else the newest at all" in said
+    assert "newest black-box log that has a fault" in said

@@ -185,14 +185,14 @@ def test_levels_are_swept_in_recordings_of_each_format(version: int) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
-        ("bus.channel", "can1", "=can1: would change nothing: a replay goes by estimator"),
-        ("admittance.quiet_s", "0.2", "would change nothing"),
+        ("bus.channel", "can1", "=can1: has no effect: a replay uses only estimator"),
+        ("admittance.quiet_s", "0.2", "has no effect"),
         ("estimator.gian", "3", "no setting 'gian'; there are: residual, beside, gain"),
         ("joints.LElbow.half_gap", "3", "no setting 'LElbow'; there are: joint"),
         ("joints.joint.half_gap.x", "3", "no setting 'x'; there is nothing below"),
         ("estimator.gain", "-3", "Expected `float` > 0.0"),
-        ("estimator.gain", "[", "is not YAML"),
-        ("joints.joint.name", "other", "the joints' names are those of the recording"),
+        ("estimator.gain", "[", "is not valid YAML"),
+        ("joints.joint.name", "other", "names of joints cannot be changed"),
     ],
 )
 def test_settings_that_are_none(path: str, value: str, said: str) -> None:
@@ -266,14 +266,14 @@ def test_wrong_questions(recording: Path, arguments: list[str], status: int, sai
     ("text", "said"),
     [
         ("", "no column start_s, end_s, joint"),
-        ("start_s,end_s,joint\n", "there are no labels in it"),
+        ("start_s,end_s,joint\n", "it contains no labels"),
         ("start_s,end_s,joint\n1,x,any\n", ":2: end_s is 'x': must be seconds"),
         ("start_s,end_s,joint\n2,1,any\n", ":2: start_s 2 is not before end_s 1"),
         ("start_s,end_s,joint\n1,2,\n", ":2: joint is empty"),
-        ("file,start_s,end_s,joint\nother.mcap,1,2,any\n", "its labels are of other files"),
+        ("file,start_s,end_s,joint\nother.mcap,1,2,any\n", "its labels are for other files"),
         ("start_s,end_s,joint\n1,2,elbow\n", "has no joint 'elbow'"),
         ("start_s,end_s,joint\n1\n", ":2: end_s is '': must be seconds"),
-        ("start_s,end_s,joint\n1e9,2e9,any\n", "has a label from 1e+09 s on, and lasts 23."),
+        ("start_s,end_s,joint\n1e9,2e9,any\n", "has a label from 1e+09 s on, but lasts only 23."),
     ],
 )
 def test_wrong_labels(recording: Path, tmp_path: Path, text: str, said: str) -> None:
@@ -405,7 +405,7 @@ def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_pat
     )
     nothing = ask(written(tmp_path / "none.mcap", [snapshot, *after]), Question(fresh=False,
                   changes=(("estimator.debounce", "1"),)))  # fmt: skip
-    assert "has no state that follows on a snapshot; --fresh begins without" in nothing.failed
+    assert "has no state that follows a snapshot; --fresh begins without" in nothing.failed
 
 
 def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:

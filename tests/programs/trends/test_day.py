@@ -85,8 +85,8 @@ def test_days_to_come_and_what_cannot_be_read_stay_and_are_left_out(tmp_path: Pa
     assert [day.date for day in found.days] == ["2026-06-03", "2026-06-04"]
     assert found.damaged == ()
     unread, to_come = found.left_out
-    assert unread.startswith(f"a record that cannot be read: {tmp_path}/2026-06-05.json: ")
-    assert to_come.startswith("a record of a day to come (is the clock right?): ")
+    assert unread.startswith(f"record cannot be read: {tmp_path}/2026-06-05.json: ")
+    assert to_come.startswith("record of a future day (is the clock right?): ")
     assert len(list(tmp_path.iterdir())) == 4
 
 

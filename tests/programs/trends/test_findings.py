@@ -62,7 +62,7 @@ def test_a_gear_that_wears_is_named_with_what_to_do() -> None:
         (lambda k, r: joint(friction=1.0 + 0.004 * k), ""),  # too small to be named
         (lambda k, r: joint(gap=0.003 + 2e-4 * r.normal()), ""),
         (lambda k, r: joint(friction=1.4 - 0.03 * k), "friction -"),
-        (lambda k, r: joint(friction=1.8 + 0.02 * k), "bound of what is learned in 10 days"),
+        (lambda k, r: joint(friction=1.8 + 0.02 * k), "bound of learning in 10 days"),
         (lambda k, r: joint(remainder=0.05 * k), "gravity's remainder +0.50 Nm"),
         (lambda k, r: joint(skew_ms=1.2 + 0.2 * k), "encoder skew +2.0 ms"),
         (lambda k, r: joint(friction=2.2, bound_s=400.0), "at its bound, for 400 of the last"),

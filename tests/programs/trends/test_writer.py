@@ -63,7 +63,7 @@ def test_warnings_are_said_once_and_again_when_they_change(tmp_path: Path) -> No
     writer.take(rows(20.0).tobytes(), 100.0)
     (tmp_path / "2026-06-30.json").write_text("{")
     writer.end()
-    assert any(line.startswith("a damaged record: ") for line in said[-1])
+    assert any(line.startswith("damaged record: ") for line in said[-1])
 
 
 def test_a_folder_that_cannot_be_written_is_said_once(
@@ -132,7 +132,7 @@ def test_health_for_a_person_a_program_and_a_picture(tmp_path: Path) -> None:
     row = next(line for line in out.splitlines() if line.lstrip().startswith("shoulder"))
     for column, unit in (("gap", "mrad"), ("skew", "ms"), ("gravity", "Nm")):
         assert row[: head.index(column) + len(column)].split()[-2] == unit, (column, row)
-    assert "a damaged record: " in out
+    assert "damaged record: " in out
     code, out, _ = health(*where, "--json")
     (arm,) = json.loads(out)
     assert [joint["named"] for joint in arm["joints"]] == [[], ["friction", "gap"]]
@@ -150,7 +150,7 @@ def test_records_of_which_none_can_be_read_are_not_well(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "2026-06-02.json").write_text("{")
     code, out, _ = health("--directory", str(tmp_path))
-    assert (code, "a damaged record: " in out) == (65, True)
+    assert (code, "damaged record: " in out) == (65, True)
     assert health("--directory", str(tmp_path), "--json")[0] == 65
 
 

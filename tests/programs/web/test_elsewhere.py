@@ -138,12 +138,12 @@ def test_a_router_that_comes_and_dies(arm_elsewhere: tuple[int, FakeDaemon]) -> 
             found = until(lambda: asyncio.run(others.stop("")))
             assert found == {"hall/left": Outcome("stands", "stands")}
         until(lambda: others.shown().arms[0].silent)
-        assert "silent since" in others.shown().arms[0].state
+        assert "silent for" in others.shown().arms[0].state
         assert asyncio.run(others.stop("hall/left")) == {"hall/left": Outcome("no answer", "")}
     assert "stop" in [command for command, _ in daemon.seen]
 
 
-@pytest.mark.parametrize(("more", "words"), [(0, ""), (3, "3 more are known")])
+@pytest.mark.parametrize(("more", "words"), [(0, ""), (3, "3 more arms are not shown")])
 def test_who_has_no_room_is_said(more: int, words: str) -> None:
     arms = [Arm(f"arm_{i:03}", frozenset({"node"})) for i in range(MOST_SHOWN + more)]
     shown = shown_of(arms, 0.0)
@@ -202,7 +202,7 @@ def test_a_tab_a_line_and_a_stop(
             )
             screen.page.click("#stop-elsewhere")
             screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'good'")
-        screen.shows("#tabs", "silent since")
+        screen.shows("#tabs", "silent for")
         screen.page.click("#elsewhere tbody button")
         screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'bad'")
         screen.shows("#elsewhere-note", "Use the emergency stop there.")

@@ -189,9 +189,9 @@ def test_what_is_felt_is_said_above_all_joints(
     arm.changes = {"residual": [0.1, 0.0, 0.0, -0.5, 0.0, 0.9, 0.0]}
     screen = screens.open(f"{page.url}?scene=off", PHONE)
     screen.live()
-    screen.reads("#felt", "Feels: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm")
+    screen.reads("#felt", "Detects: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm")
     arm.changes = {"residual": [0.1] * 7}
-    screen.reads("#felt", "Feels: nothing beyond its level")
+    screen.reads("#felt", "Detects: nothing beyond its level")
 
 
 STREAM = StreamState(
@@ -229,11 +229,11 @@ def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
     arm.changes = {**deaf, "fresh": [True] * 6 + [False]}
     screen = screens.open(f"{page.url}?scene=off", PHONE)
     screen.live()
-    screen.reads("#felt", "Feels: not known of LWristPitch")
+    screen.reads("#felt", "Detects: unknown for LWristPitch")
     screen.counts(".joint.beyond", 0)
     screen.begins("article[aria-label=LWristPitch] .torque", "was +0.90 of ")
     arm.changes = {**deaf, "sensing": [False] * 7}
-    screen.until("document.querySelector('#felt').innerText.endsWith('no joint senses')")
+    screen.until("document.querySelector('#felt').innerText.endsWith('no joint is sensing')")
 
 
 def test_a_guide_is_seen_by_who_leads_the_arm(
@@ -257,7 +257,7 @@ def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> N
     screen.until("!document.querySelectorAll('#events li[data-kind]').length")
     screen.page.check("#filter [name=contact]")
     screen.page.fill("#filter [name=text]", "nothing like it")
-    screen.shows("#events", "None of them")
+    screen.shows("#events", "No event passes")
 
 
 def test_a_recording_from_the_page(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:

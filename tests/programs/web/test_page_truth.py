@@ -84,7 +84,7 @@ def test_a_daemon_that_is_gone_is_said_and_comes_back(
         screen.begins("#mode", "was ")
         screen.begins("#permit", "was ")
         screen.begins("#live", "◌ not live, as of ")
-        screen.begins("#felt", "Felt then: ")
+        screen.begins("#felt", "Detected then: ")
         screen.picture("stale")
     screen.live()
     screen.until("!document.querySelector('#mode').innerText.startsWith('was ')")
@@ -97,13 +97,13 @@ def test_what_arming_needs_and_what_joints_sense_is_of_the_past_where_nothing_is
     screen = screens.open(f"{page.url}?scene=off")
     screen.live()
     screen.begins("#arming-note", "It is armed.")
-    screen.reads(".joint .state", "✓ senses")
+    screen.reads(".joint .state", "✓ sensing")
     arm.states = lambda tick: None
     screen.old()
     screen.until(
         "document.querySelector('#arming-note').innerText.startsWith('It was armed. To arm')"
     )
-    screen.reads(".joint .state", "◌ sensed then")
+    screen.reads(".joint .state", "◌ was sensing")
     screen.begins(".joint .torque", "was ")
     screen.until("document.querySelector('.joint .bar').ariaValueText.startsWith('was ')")
     screen.until("/[0-9] s old/.test(document.querySelector('#loop').innerText)")

@@ -43,8 +43,8 @@ async def test_a_recording_is_made_downloaded_and_deleted(
 @pytest.mark.parametrize(
     ("bound", "value", "why"),
     [
-        ("LONGEST_S", 0.1, "minutes, which is the longest"),
-        ("DISK_LEFT_BYTES", 1 << 60, "others need the last"),
+        ("LONGEST_S", 0.1, "minutes, the maximum length"),
+        ("DISK_LEFT_BYTES", 1 << 60, "ended: the last"),
     ],
 )
 async def test_a_recording_that_came_to_a_bound_says_so(
@@ -79,7 +79,7 @@ async def test_a_recording_never_fills_the_disk(
         await visitor.until(lambda: not recorder.shown().running)
         (file,) = recorder.shown().files
         assert 100_000 < file.bytes < 400_000
-        assert "which is all the room that it had" in recorder.shown().said
+        assert "the maximum size" in recorder.shown().said
         status, text = await visitor.command("/arms/0/record")
         assert status == 409
         assert "no room" in text

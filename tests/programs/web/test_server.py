@@ -183,7 +183,7 @@ async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Pat
         for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
             status, text = await visitor.command(path)
             assert status == 403
-            assert "only shows" in text
+            assert "read-only" in text
         texts, _ = await messages(await visitor.live(), {"hello"})
         assert not texts["hello"]["may_command"]
         assert {name for name, _ in fake_daemon.seen} <= {"status", "subscribe"}
@@ -207,5 +207,5 @@ async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) 
 
 
 def test_a_name_that_is_no_address_is_said_to_be_none() -> None:
-    with pytest.raises(UnreachableError, match=r"at no address port 0: no such address"):
+    with pytest.raises(UnreachableError, match=r"on no address port 0: no such address"):
         listen("no address", 0)

@@ -232,11 +232,11 @@ async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
     ("options", "text"),
     [
         ({"bind": "0.0.0.0"}, "--host is required"),
-        ({"bind": "0.0.0.0", "hosts": ("arm.local",)}, "give a --token-file, or --read-only"),
-        ({"bind": "10.0.0.7"}, "give a --token-file, or --read-only"),
+        ({"bind": "0.0.0.0", "hosts": ("arm.local",)}, "use --token-file or --read-only"),
+        ({"bind": "10.0.0.7"}, "use --token-file or --read-only"),
         ({"bind": "unix:/tmp/page.sock"}, "--host is required"),
         ({"tls": True}, "--bind unix:PATH"),
-        ({"hosts": ("arm.local/page",)}, "--host arm.local/page: a name or an address"),
+        ({"hosts": ("arm.local/page",)}, "--host arm.local/page: must be a name or an address"),
         ({"hosts": ("https://arm.local",)}, "a name or an address"),
         ({"hosts": ("fe80::1",)}, "in brackets"),
         ({"hosts": ("",)}, "a name or an address"),
@@ -257,7 +257,7 @@ def test_what_lets_others_in_unasked_or_makes_no_sense_is_refused(
     [
         ("short", 0o640, "at least 16"),
         ("with spaces in between", 0o640, "at least 16"),
-        (TOKEN, 0o644, "everybody may read it"),
+        (TOKEN, 0o644, "is readable for all users"),
         (None, 0, "cannot be read"),
     ],
 )

@@ -280,7 +280,7 @@ def test_another_distribution_is_said(
     with contextlib.ExitStack() as opened:
         opened.callback(other.liveliness().declare_token(token).undeclare)
         bridge = start(fake_daemon.path, routed)
-        until(lambda: bridge.heard("/planner is of Humble"))
+        until(lambda: bridge.heard("/planner uses Humble"))
 
 
 @pytest.mark.parametrize("text", ["{", '{mode: "emperor"}', '{connect: {endpoints: ["x"]}}'])

@@ -180,8 +180,8 @@ def test_who_is_not_known_is_not_let_in(folder: Path, secured: int, how: str) ->
 
 
 KEYS = [
-    ("screen.key", "planner.key", "are no certificate and its key: KEY_VALUES_MISMATCH"),
-    ("screen.key", "ca.pem", "are no certificate and its key: "),
+    ("screen.key", "planner.key", "are not a certificate and its key: KEY_VALUES_MISMATCH"),
+    ("screen.key", "ca.pem", "are not a certificate and its key: "),
     ("screen.key", "missing.key", "missing.key: No such file or directory"),
     ("ca.pem", "missing.pem", "root_ca_certificate: "),
 ]

@@ -14,8 +14,8 @@ from contactd_client.paths import view_socket_path
 from programs.zenoh.contactd_zenoh import main
 
 REFUSED = [
-    (("--namespace", "left arm"), 78, "--namespace left arm: a slash, then letters"),
-    (("--connect", "localhost"), 78, "--connect localhost: a protocol, a slash, host and port"),
+    (("--namespace", "left arm"), 78, "--namespace left arm: must be a slash and letters"),
+    (("--connect", "localhost"), 78, "--connect localhost: must be a protocol, host and port"),
     (("--distro", "indigo"), 2, "'indigo' is not one of"),
     (("--domain", "233"), 2, "233 is not in the range"),
     (("--allow-arm",), 2, "--allow-arm needs --control-socket"),
@@ -44,9 +44,7 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "xxhash", None)
     result = CliRunner().invoke(main, [])
     assert result.exit_code == 78
-    assert result.output == (
-        "contactd-zenoh: it needs the extra `ros`: pip install 'contactd[ros]'\n"
-    )
+    assert result.output == ("contactd-zenoh: needs the extra `ros`: pip install 'contactd[ros]'\n")
 
 
 def test_a_signal_ends_it_while_it_waits_for_a_router(fake_daemon: Any) -> None:
@@ -56,7 +54,7 @@ def test_a_signal_ends_it_while_it_waits_for_a_router(fake_daemon: Any) -> None:
     guard = threading.Timer(60.0, process.kill)
     guard.start()
     assert process.stdout is not None
-    assert process.stdout.readline() == "contactd-zenoh: looks for a router: tcp/127.0.0.1:1\n"
+    assert process.stdout.readline() == "contactd-zenoh: looking for a router: tcp/127.0.0.1:1\n"
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate()
     guard.cancel()

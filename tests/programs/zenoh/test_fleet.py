@@ -81,7 +81,7 @@ def test_an_arm_is_alive_as_long_as_one_node_of_its_name_is() -> None:
     fleet.meet("left_arm", False, "old")
     assert fleet.arms["left_arm"].state(1.0) == "alive"
     fleet.meet("left_arm", False, "new")
-    assert fleet.arms["left_arm"].state(2.0) == "silent since 1 s"
+    assert fleet.arms["left_arm"].state(2.0) == "silent for 1 s"
 
 
 def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
@@ -127,7 +127,7 @@ def test_the_table_shows_text_as_text() -> None:
     with console.capture() as captured:
         console.print(table([arm], 10.0))
     assert "[red]faulted[/red]" in captured.get()
-    assert "silent since 9 s" in captured.get()
+    assert "silent for 9 s" in captured.get()
 
 
 # --- with arms ---------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def test_all_arms_are_stopped_and_each_says_what_became_of_it(
 def test_without_arms_and_without_a_router(fleet: Callable[..., Result], port: int) -> None:
     assert fleet().exit_code == 69
     no_one = fleet("--stop", "--all")
-    assert (no_one.exit_code, no_one.output) == (69, "contactd: no arm is alive there\n")
+    assert (no_one.exit_code, no_one.output) == (69, "contactd: no arm is alive at this router\n")
     command = ["fleet", "--connect", "tcp/127.0.0.1:1", "--stop", "--all"]
     unreachable = CliRunner().invoke(contactd.main, command)
     assert unreachable.exit_code == 69
@@ -273,9 +273,7 @@ def test_arms_of_another_distribution_are_there_and_not_heard(
         return found
 
     until(lambda: [row["arm"] for row in rows()] == ["left", "right"])
-    assert {row["text"] for row in rows()} == {
-        "nothing heard of it yet; is it of another --distro?"
-    }
+    assert {row["text"] for row in rows()} == {"no message yet; does it use another --distro?"}
 
 
 def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
@@ -335,7 +333,7 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     result = CliRunner().invoke(contactd.main, ["fleet"])
     assert result.exit_code == 78
     assert result.output == (
-        "contactd: it needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
+        "contactd: `fleet` needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
     )
 
 

@@ -111,7 +111,7 @@ def test_one_publisher_at_a_time() -> None:
     assert len(network.lines) == 1
     assert len(network.lines[0].sent) == 31
     assert [line for line in network.said if B.hex() in line] == [
-        f"does not follow publisher {B.hex()} until it falls silent: another publisher streams"
+        f"does not follow publisher {B.hex()} until it falls silent: another publisher is streaming"
     ]
 
 
@@ -120,7 +120,7 @@ def test_a_silent_publisher_is_hung_up_on() -> None:
     network.send()
     network.following.look(network.now_s + SILENT_S + 0.01)
     assert network.lines[0].closed
-    assert network.said[-1].endswith("fell silent: the stream is ended")
+    assert network.said[-1].endswith("fell silent: its stream is ended")
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_silent_publisher_is_hung_up_on() -> None:
     [(["one"], (0.1,)), (["one", "one"], (0.1, 0.2)), (["one", "three"], (0.1, 0.2)), ([], ())],
 )
 def test_other_joints_are_refused(names: list[str], position: tuple[float, ...]) -> None:
-    with pytest.raises(CdrError, match="names each joint once"):
+    with pytest.raises(CdrError, match="must name each joint once"):
         in_order(JointTarget(0.0, names, list(position), []), JOINTS)
 
 

@@ -85,12 +85,12 @@ MISMATCHES = [
     (OTHER + f"sensor_msgs::msg::dds_::JointState_/{HASH}/::,:,:,:,,", ""),
     (
         OTHER + "sensor_msgs::msg::dds_::JointState_/RIHS01_00/::,:,:,:,,",
-        "/planner is of another distribution: /left_arm/joint_states has another type hash there",
+        "/planner uses another distribution: /left_arm/joint_states has another type hash there",
     ),
-    (OTHER + f"sensor_msgs::msg::dds_::JointState_/{NO_HASH}/::,:,:,:,,", "/planner is of Humble:"),
+    (OTHER + f"sensor_msgs::msg::dds_::JointState_/{NO_HASH}/::,:,:,:,,", "/planner uses Humble:"),
     (
         OTHER + f"std_msgs::msg::dds_::String_/{HASH}/::,:,:,:,,",
-        "/planner takes /left_arm/joint_states for std_msgs::msg::dds_::String_, which is sensor_",
+        "/planner expects std_msgs::msg::dds_::String_ on /left_arm/joint_states, which is sensor_",
     ),
     ("@ros2_lv/7/zid/0/5/MS/%/%/planner/%other/x/y/::,:,:,:,,", ""),
     ("@ros2_lv/7/zid/0/0/NN/%/%/planner", ""),

@@ -101,7 +101,7 @@ def test_an_action_that_fails_is_answered_and_the_next_call_is_carried_out() -> 
         service.put(call)
         assert call.answered.wait(10.0)
     service.close()
-    assert first.answers == ["this machine fails: [Errno 24] Too many open files"]
+    assert first.answers == ["system error: [Errno 24] Too many open files"]
     assert second.answers == [outcome(True, "done")]
 
 

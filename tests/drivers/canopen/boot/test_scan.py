@@ -71,7 +71,7 @@ def test_two_nodes_of_one_number_are_named():
     bus = Bus({5: lambda *what: 2 * answer(*what), 9: drive(9, OBJECTS)})
     found = quick(bus)
     assert [one.twice for one in found] == [True, False]
-    assert table(found, {})[-1].startswith("two nodes answer as node 5: ")
+    assert table(found, {})[-1].startswith("two drives answer as node 5: ")
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_an_eds_of_another_product_does_not_fit():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("joints: 3\n", "no `bus`"),
+        ("joints: 3\n", "`bus` is missing"),
         ("bus: {interface: carrier_pigeon, channel: a}\n", r"bus.interface: must be one of slcan"),
     ],
 )
