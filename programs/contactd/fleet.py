@@ -75,7 +75,7 @@ def _with_supervisor(
 
 
 def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
-    """Listen until each arm has reported, and print a line for each; returns 69 if there is none."""
+    """Listen until each arm has reported, and print a line for each; 69 if there is none."""
     until_s = time.monotonic() + HELD_UP_S
     time.sleep(LISTEN_S)
     while _awaited(arms := supervisor.arms()) and time.monotonic() < until_s:
