@@ -185,7 +185,7 @@ class BootableDrives(Drives, Protocol):
 
     @property
     def serials(self) -> Sequence[int | None]:
-        """Serial number of each drive that was set up; None where it has none."""
+        """Serial number of each drive that was set up; None if it has none."""
 
     @property
     def left_alone(self) -> bool:

@@ -27,7 +27,7 @@ class CanopenArm(CanopenDrives):
 
     @property
     def serials(self) -> list[int | None]:
-        """Serial number of each drive that was set up; None where it has none."""
+        """Serial number of each drive that was set up; None if it has none."""
         return [identity.serial for identity in self.boot.identities]
 
     def boot_up(self, report: Report) -> None:

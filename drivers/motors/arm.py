@@ -92,7 +92,7 @@ class MotorArm(MotorTick):
 
     @property
     def serials(self) -> list[int | None]:
-        """Serial number of each motor that was set up; None where it has none."""
+        """Serial number of each motor that was set up; None if it has none."""
         return [identity.serial for identity in self._identities]
 
     def boot_up(self, report: Report) -> None:

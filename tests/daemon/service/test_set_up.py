@@ -199,7 +199,7 @@ def test_another_product_in_its_place_keeps_the_fault(on: BreakableArm) -> None:
     name = "another product" if on.make is not DURAND else "another drive than at the start"
     assert f"{on.drive.name}" in reason
     assert name in reason
-    assert on.make is not DURAND or "after a fault a new start of the daemon" in reason
+    assert on.make is not DURAND or "restart the daemon after a fault" in reason
     on.run(0.2)
     assert on.rig.mode is Mode.FAULTED
     fault.close()  # type: ignore[attr-defined]
