@@ -15,7 +15,7 @@ from estimator.urdf import JointRange, joint_ranges
 from identification.skew import without_skew
 from identification.torque_columns import refuse_other_torques
 from programs.command_line.sentences import say
-from programs.contactd.drafts.configuration import guesses
+from programs.contactd.drafts.configuration import guesses, loads_of
 from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
 from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
 from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv, there_are
@@ -87,6 +87,7 @@ def _write(
     text, changes = loosened(text, set.intersection(*there))
     ranges = [one for one in joint_ranges(text) if one.kind == "revolute"]
     names = [one.joint for one in ranges]
+    loads_of(text, urdf.name, names)  # of lengths in mm no step makes anything
     log, _ = joined([read_csv(path, names, dict.fromkeys(names, 1.0))[0] for path in logs])
     folder.mkdir(parents=True)
     written.append(folder)

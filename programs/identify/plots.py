@@ -45,7 +45,10 @@ def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> list[Pa
     left, right = axes[0]
     _curve(left, log.time_s, phi)
     left.set(xlabel="time [s]", ylabel="phi = q - theta [mrad]", title=log.joints[joint])
-    right.hist(phi, bins=80, orientation="horizontal")
+    # Of one encoder behind both columns only rounding is left, too little for bins.
+    span = max(float(np.ptp(phi)), 1e-3)
+    bins = np.linspace(-0.5, 0.5, 81) * span + 0.5 * (phi.min() + phi.max())
+    right.hist(phi, bins=bins, orientation="horizontal")
     right.set(xlabel="samples")
     if np.isfinite(half_gap):
         middle = 0.5 * (np.percentile(phi, 2) + np.percentile(phi, 98))

@@ -69,7 +69,7 @@ def planned(urdf: str, urdf_name: str, drives: Mapping[str, Draft], order: Seque
             f"{len(order)} drives ({', '.join(order)}), and {urdf_name} has only "
             f"{len(ranges)} joints that move"
         )
-    loads = _loads(urdf, urdf_name, [one.joint for one in ranges])
+    loads = loads_of(urdf, urdf_name, [one.joint for one in ranges])
     return Plan(ranges, loads, drives, [order[min(i, len(order) - 1)] for i in range(len(ranges))])
 
 
@@ -131,7 +131,7 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
     return ranges
 
 
-def _loads(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
+def loads_of(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
     """Worst-case loads of the joints over random poses. Raises ConfigurationError for an arm that
     no motor can carry."""
     try:

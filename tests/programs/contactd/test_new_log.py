@@ -128,6 +128,18 @@ def test_what_is_next_names_no_log_in_which_the_arm_is_touched(
     assert "without logs in which the arm is touched:" in result.output
 
 
+def test_lengths_in_mm_are_named_before_a_step_breaks(tmp_path: Path, arm: Stranger) -> None:
+    log, urdf = write_csv(arm, Style(), tmp_path / "log.csv"), urdf_of(arm, tmp_path)
+    text = re.sub(r'(<origin xyz="[\d.]+ [\d.]+ )([\d.]+)', r"\1\g<2>e3", urdf.read_text())
+    urdf.write_text(text)
+    given = ["--urdf", str(urdf), str(log)]
+    result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", *given])
+    assert result.exit_code == 78, result.output
+    assert "lengths in m?" in result.output
+    assert not (tmp_path / "arm").exists()
+    assert not beside(log).exists()
+
+
 def test_torques_need_no_constant(tmp_path: Path, arm: Stranger) -> None:
     result = drafted(tmp_path, arm, Style(torque=True, without=("vel", "motor_pos")))
     assert result.exit_code == 0, result.output

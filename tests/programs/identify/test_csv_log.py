@@ -69,6 +69,23 @@ def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> Non
     assert (folder / "identified.yaml").read_bytes() == before
 
 
+def test_one_encoder_behind_both_columns_is_no_error_of_the_program(tmp_path: Path) -> None:
+    """Apart by rounding alone: the picture had no room for its bins."""
+    columns = pressed(0.02)
+    columns["motor_position.joint"] = columns["link_position.joint"]
+    path = save(tmp_path / "log.csv", columns)
+    path.with_suffix(".yaml").write_text(
+        "joints: {joint: {link_position: {column: link_position.joint}, motor_position: {column: "
+        "motor_position.joint, offset: 0.0158}, torque: {column: torque.joint}}}\n"
+    )
+    folder = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / "single_joint"
+    given = ["--config", str(folder), "--log", str(path)]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code == 1, result.output
+    assert "link and motor position are the same signal" in result.output
+    assert "gap-joint.png" in result.output
+
+
 def test_several_logs_are_one_run_of_work(tmp_path: Path) -> None:
     """Neither alone has crossings enough; the second has half the rate."""
     columns, folder = pressed(0.02), tmp_path / "configs" / "single_joint"
