@@ -147,8 +147,8 @@ def test_a_command_is_an_act(door, words, act):
     ("words", "status", "says"),
     [
         (["push", "thumb", "3"], 1, "no thumb"),
-        (["push", "elbow", "3kg"], 2, "no number of Nm"),
-        (["carry", "--", "-1"], 2, "'-1' is not allowed: 0 to 100 kg"),
+        (["push", "elbow", "3kg"], 2, "is no value in Nm"),
+        (["carry", "--", "-1"], 2, "'-1' is out of range: 0 to 100 kg"),
         (["nudge", "elbow"], 2, "no command 'nudge'; there are: push, lean, "),
     ],
 )
