@@ -162,7 +162,7 @@ def test_what_the_daemon_is_going_to_refuse_of_the_arm_is_said_with_the_way_out(
     (folder / "config.yaml").write_text(text)
     robot = load_robot(folder)
     first, which, way = refused_drives(robot, true_arm(robot)[1])
-    assert "of simulation.yaml" in first
+    assert "simulation.yaml" in first
     assert re.fullmatch(
         r"  base: rated_current_A is [\d.]+ here, and 1.75 in config.yaml", which
     ), which
