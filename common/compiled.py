@@ -85,8 +85,8 @@ def refuse_stale(root: Path = ROOT) -> None:
     if wrong := stale(root):
         others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
         raise ProgramError(
-            f"{wrong[0]}{others}: the extension was not built from the source beside it; rebuild "
-            "it by `make compiled` (a service: `make install`), or run uncompiled after "
+            f"{wrong[0]}{others}: not compiled from the present source, or the build was "
+            "interrupted; run `make compiled` (a service: `make install`), or run uncompiled after "
             "`hatch_build.py --clean`"
         )
 

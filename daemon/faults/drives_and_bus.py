@@ -115,9 +115,10 @@ DRIVES_AND_BUS: Final = {
         "`following_margin` times its velocity limit, and its current does not push the right "
         "way with half of its limit (for half a second after enabling: has not changed that way "
         "at all)",
-        "the drive sends, but does not receive setpoints, or does not obey them",
-        "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
-        "needs a larger margin: docs/porting.md, step 8",
+        "the drive sends, but does not receive setpoints, or does not obey them; or a push is "
+        "stronger than its motor",
+        "let go of the arm, close other tools on the bus, then `contactctl reset`; a drive with "
+        "a soft velocity loop needs a larger margin: docs/porting.md, step 8",
     ),
     _C.IGNORES_SETPOINT: Row(
         _R.QUICK_STOP, "drives",

@@ -105,5 +105,5 @@ class Following:
         pressed = float(self._current[joint] - self._begun[joint]) / self._settings.current[joint]
         pressed *= 1.0 if self._too_slow[joint] else -1.0
         obeys = (f"{off}; its current went the right way by {pressed:.1%} of its limit: it obeys, "
-                 "but friction holds it, or its velocity loop is soft")  # fmt: skip
+                 "but friction or a push is stronger, or its velocity loop is soft")  # fmt: skip
         return obeys if pressed >= PRESSED_SHARE else off

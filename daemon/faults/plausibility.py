@@ -37,7 +37,7 @@ _ENERGISED_ONLY: Final = {
     Condition.TORQUE_STUCK: "while the motor turned by {:.3f} rad, at most {:.3f}",
     Condition.TORQUE_SATURATED: "for {:.0f} ticks, at most {:.0f}",
     Condition.RESIDUAL_LIMIT: "{:.1f} Nm, at most {:.1f}",
-    Condition.JOINT_LIMIT: "{:.3f} rad from the middle, at most {:.3f}",
+    Condition.JOINT_LIMIT: "at {q:.3f} rad; {lower:.3f} to {upper:.3f} allowed",
 }
 # These also apply to an arm that is moved by hand.
 _ALWAYS: Final = {
@@ -129,7 +129,11 @@ class Plausibility:
                 measured.fast_ticks[joint] = 0.0
                 continue
             figure, bound = measures[row, joint], bounds[row, joint]
-            yield Finding(condition, self._joints[joint], _FIGURES[condition].format(figure, bound))
+            upper, lower = self._middle[joint] + bound, self._middle[joint] - bound
+            text = _FIGURES[condition].format(
+                figure, bound, q=measured.q[joint], lower=lower, upper=upper
+            )
+            yield Finding(condition, self._joints[joint], text)
 
     def _goes_outwards(self, joint: int) -> bool:
         measured = self._measured

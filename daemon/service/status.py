@@ -157,7 +157,7 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
         if load := tick.loads.advice:
             advice.append(f"announce the payload of the hand ({load}), or remove it")
         ask_again = attended and tick.controller.stream is None
-        advice.append(ASK_AGAIN if ask_again else "`contactctl start` goes on with the trajectory")
+        advice.append(ASK_AGAIN if ask_again else "`contactctl start` continues the trajectory")
     advice += [words for words in (tick.loads.hint, tick.learning_notices.load) if words]
     found = tick.last.findings if tick.last else ()
     advice += [one.advice for one in found if one.response is Response.CONTINUE]

@@ -5,7 +5,7 @@ import re
 import shutil
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 import msgspec
 import yaml
@@ -22,6 +22,7 @@ from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
 from drivers.log.settings import LogProfile
 from drivers.makes import DriveProfile
+from drivers.robstride.settings import RobStrideProfile
 from simulator.description import ArmDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
@@ -187,9 +188,11 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     if isinstance(profile, DamiaoProfile):
         make, registers = "damiao", dict(zip(("PMAX", "VMAX", "TMAX"), ranges, strict=True))
-    else:
+    elif isinstance(profile, RobStrideProfile):
         make, registers = "robstride", dict(zip(("P_MAX", "V_MAX", "T_MAX"), ranges, strict=True))
         registers["zero_sta"] = 1.0
+    else:
+        assert_never(profile)
     return {"drive": f"{make}:{profile.model}", "registers": registers}
 
 

@@ -275,7 +275,8 @@ def test_a_joint_that_goes_on_beyond_its_limit(joint: Joint, limit: float, out: 
     assert at(edge + out * 0.0011) == set(), "slower than what counts as standing"
     assert at(edge + out * 0.0005) == set(), "on its way back"
     found = joint.tick(edge + out * 0.002, theta=edge)
-    assert found == {Condition.JOINT_LIMIT: "1.552 rad from the middle, at most 1.550"}
+    text = f"at {edge + out * 0.002:.3f} rad; {-1.0 - MARGIN:.3f} to {2.0 + MARGIN:.3f} allowed"
+    assert found == {Condition.JOINT_LIMIT: text}
 
 
 def test_the_first_samples_are_believed_whatever_they_are() -> None:
@@ -376,7 +377,7 @@ def test_every_finding_is_named_with_its_joint_and_figures() -> None:
         f"encoder jump: shoulder (by 1.000 rad, {jump})",
         f"encoder jump: elbow (by 1.500 rad, {jump})",
         "residual implausible: shoulder (9.0 Nm, at most 5.0)",
-        "beyond a joint limit: elbow (2.000 rad from the middle, at most 1.550)",
+        "beyond a joint limit: elbow (at -1.500 rad; -1.050 to 2.050 allowed)",
         f"motor and link apart: shoulder (by 1.000 rad, {play})",
         f"motor and link apart: elbow (by 1.500 rad, {play})",
     ]

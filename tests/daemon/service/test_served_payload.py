@@ -98,7 +98,7 @@ def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, clie
     assert status.recognised == "looks like a load of 0.4 kg at the hand: `contactctl payload 0.4`"
     assert status.advice.splitlines() == [
         "announce the payload of the hand (`contactctl payload 0.4`), or remove it",
-        "`contactctl start` goes on with the trajectory",
+        "`contactctl start` continues the trajectory",
     ]
 
 

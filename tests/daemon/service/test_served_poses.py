@@ -192,7 +192,7 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDae
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
     assert ended.message.startswith("not arrived: holding, contact of ")
-    assert ended.reasons == ["`contactctl start` goes on with the trajectory"]
+    assert ended.reasons == ["`contactctl start` continues the trajectory"]
     assert served.contactctl("start").exit_code == 0
     while served.rig.mode is Mode.TRACKING:
         served.tick()
