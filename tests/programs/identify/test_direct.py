@@ -127,6 +127,12 @@ def test_as_many_points_may_be_off_as_intervals_leave_out(count, off, by, agrees
     assert bool(disagreement(law, found, 0.3, 0.0)) is not agrees
 
 
+def test_a_joint_that_does_not_exist_is_named_also_beside_all(tmp_path) -> None:
+    words = ["--config", str(ROMEO), "--log", str(tmp_path / "none.csv"), "--direct", "all"]
+    said = CliRunner().invoke(main, ["identify", "friction", *words, "--direct", "LElbow"])
+    assert "no joint LElbow; there are:" in said.stderr
+
+
 def test_it_goes_on_after_a_stop_and_changes_nothing(tmp_path) -> None:
     arm = wired_joint(tmp_path)
     kept, before = arm.folder / "identify", (arm.folder / "identified.yaml").read_bytes()
