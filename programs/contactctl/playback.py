@@ -42,7 +42,7 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
     from daemon.motion.trajectory_file import read_trajectory
     from programs.clients.led_path import led_path
 
-    if not os.path.exists(file):  # noqa: PTH110 - False, too, for a name that cannot be looked up
+    if not os.path.exists(file):  # False, too, for a name that cannot be looked up
         _record_lead(options, file)
     with options.connect() as client:
         recorded = read_trajectory(file, client.ask_status().joints)
