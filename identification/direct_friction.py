@@ -139,7 +139,7 @@ def _of_one_speed(ways: Sequence[Way]) -> Iterator[Point]:
     ):
         if (seen := np.isfinite(halves)).sum() >= _CELLS:
             half = float(np.median(halves[seen]))
-            scatter = 2.0 * float(halves[seen].std(ddof=1)) + unsure + _UNEVEN * half
+            scatter = 2.0 * float(halves[seen].std(ddof=1)) + unsure + _UNEVEN * abs(half)
             yield Point(float(loads[seen].mean()), speed, half, scatter)
 
 

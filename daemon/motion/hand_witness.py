@@ -105,7 +105,7 @@ class HandWitness:
         moves = along & (speed > SETTLES)
         kept = np.where(hand, 0.0, 1.0 - LEAK * dt * ~along)
         self._alone_s = kept * self._alone_s + dt * moves
-        self._alone_rad = kept * self._alone_rad + dt * speed * along
+        self._alone_rad = kept * self._alone_rad + np.where(along, dt * speed, 0.0)  # not NaN
         gone = size <= independent.threshold
         alone = (self._alone_s > ALONE_S) | (self._alone_rad > ALONE_RAD)
         self.stands = ((self.stands & ~gone) | (alone & along)) & ~hand

@@ -30,7 +30,7 @@ class Leading:
         if joint not in self.joints:
             return [f"no joint {joint!r}; there are: {', '.join(self.joints)}"]
         if gain != 0.0 and not LEAST_GAIN <= gain <= MAX_GAIN:  # nor NaN
-            return [f"{gain:g} is not a gain: 0, or {LEAST_GAIN:g} to {MAX_GAIN:g} rad/s per Nm"]
+            return [f"{gain:.15g} is not a gain: 0, or {LEAST_GAIN:g} to {MAX_GAIN:g} rad/s per Nm"]
         i = self.joints.index(joint)
         text = f"gain of {joint} {self.motion.gains.goal[i]:g} -> {gain:g} rad/s per Nm"
         self.motion.gains.change(i, gain)

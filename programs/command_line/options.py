@@ -156,6 +156,9 @@ class Group(InOrder):
         except ContactdError as error:
             say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
+        except UnicodeEncodeError as error:
+            word = error.object[max(error.start - 40, 0) : error.start + 40]
+            raise click.UsageError(f"{word!r} is not {error.encoding} text", ctx) from error
         except OSError as error:
             if not (text := could_not_say(error)):
                 raise

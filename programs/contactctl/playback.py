@@ -1,6 +1,7 @@
 """`contactctl playback`: records a lead until the arm holds again, and runs the smoothed path."""
 # ruff: noqa: PLC0415 - numpy and the client are imported by the command that needs them
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,7 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
     from daemon.motion.trajectory_file import read_trajectory
     from programs.clients.led_path import led_path
 
-    if not file.exists():
+    if not os.path.exists(file):  # False, too, for a name that cannot be looked up
         _record_lead(options, file)
     with options.connect() as client:
         recorded = read_trajectory(file, client.ask_status().joints)

@@ -15,6 +15,7 @@ from programs.identify.plots import plot_direct
 from programs.identify.step import Line, Outcome
 
 _NOT_SEEN = "it never moved alone at one speed, three strokes or more, to and fro at one place"
+_NEGATIVE = "the friction measured is not positive: is the current there, and its sign right?"
 _TO_DO = (
     "nothing was changed. `contactd identify friction` fits the law anew, with a payload where "
     "loads are off; then `thresholds`, as levels hold for the loads and speeds of their motion"
@@ -31,6 +32,9 @@ def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> O
         found = points(to_and_fro(measured.log, i, constant, 1e-3 * c.estimator.current_delay_ms))
         if not found:
             lines.append(Line(name, "not seen", good=False, reason=_NOT_SEEN))
+            continue
+        if np.median([point.friction for point in found]) <= 0.0:
+            lines.append(Line(name, "implausible", False, _figures(found), _NEGATIVE))
             continue
         shown[name] = law, _ = law_of(robot, i), found
         why = disagreement(law, found, levels.contact, levels.per_speed)
@@ -75,7 +79,7 @@ def _figures(found: Sequence[Point]) -> str:
     text = (f"{len(found)} points, {friction.min():.3g} to {friction.max():.3g} Nm, "
             f"+- {np.median(scatter):.2g}, at loads of {loads.min():.2f} to {loads.max():.2f} "
             "Nm")  # fmt: skip
-    if np.ptp(loads) < _VARIES * friction.mean():
+    if np.ptp(loads) < _VARIES * abs(friction.mean()) or not scatter.all():
         return text
     columns = np.stack([np.ones_like(loads), speeds, loads], axis=1) / scatter[:, None]
     share = np.linalg.lstsq(columns, friction / scatter, rcond=None)[0][2]

@@ -40,7 +40,8 @@ def friction(
         from programs.identify.direct_motion import STEP, measure_directly
         from programs.identify.direct_outcome import direct_outcome
 
-        joints = identification.joints(() if "all" in direct else direct)
+        named = identification.joints(tuple(name for name in direct if name != "all"))
+        joints = identification.joints(() if "all" in direct else tuple(dict.fromkeys(named)))
         measured = identification.measured(partial(measure_directly, joints=joints))
         outcome = direct_outcome(identification.robot, measured, joints)
         return identification.conclude("friction", outcome, STEP)

@@ -86,8 +86,10 @@ def test_a_joint_that_goes_on_by_what_friction_may_pretend_stands() -> None:
     assert on.stands
 
 
-def test_creeping_has_a_bound_in_distance() -> None:
+@pytest.mark.parametrize("first", [0.0, np.nan])
+def test_creeping_has_a_bound_in_distance(first: float) -> None:
     on, speed, gone = witness(), 0.019, 0.0
+    step(on, 0.6, first)  # a velocity that is no number is not the end of the bound
     while step(on, 0.6, speed) != 0.0:
         gone += speed * T
         assert gone < 2 * ALONE_RAD

@@ -51,6 +51,7 @@ def test_a_lead_is_repeated_by_one_command(
     refused = served.contactctl("playback", str(path))
     assert refused.exit_code == 2  # not armed: nothing would lead it
     assert not path.exists()
+    assert served.contactctl("playback", 300 * "a").exit_code == 2  # the system refuses to look
     assert served.contactctl("enable").exit_code == 0
     assert served.contactctl("arm").exit_code == 0
     begin = _stands(served)

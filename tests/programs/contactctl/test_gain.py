@@ -77,3 +77,9 @@ def test_options_that_do_not_go_together(
     assert (result.exit_code, result.stdout) == (2, "")
     assert said in result.stderr
     assert gains(romeo) == before
+
+
+def test_a_gain_just_beyond_its_bound_is_shown_as_it_is(romeo: ServedDaemon) -> None:
+    result = romeo.contactctl("gain", "LElbowRoll", "5.0000001")
+    assert result.exit_code == 1
+    assert "5.0000001 is not a gain: 0, or 0.0001 to 5 rad/s per Nm" in result.stderr

@@ -61,6 +61,7 @@ def test_a_guide_is_changed_and_read_back(
         ("--frame base", 2, "--frame requires a guide"),
         ("off --no-turn", 2, "off takes no options"),
         ("line x --frame palm", 1, "moves no link 'palm'"),
+        ("point --frame \udcff", 2, r"'\udcff' is not utf-8 text"),
         ("line x --damped y", 1, "y named twice"),
         ("point --no-turn", 1, "6 directions held leave an arm of 6 joints none to move in"),
     ],

@@ -102,6 +102,17 @@ def test_a_law_that_is_wrong_is_named_and_stays(log, load, coulomb, level, says)
     assert law_of(robot, 3).at(-2.0, 0.4) == pytest.approx((friction, half), abs=1e-6)
 
 
+@pytest.mark.parametrize("scale", [0.0, -1.0])
+def test_a_current_that_is_missing_or_reversed_is_named(log, scale) -> None:
+    wrong = Measured(replace(log, current=scale * log.current), "")
+    outcome = direct_outcome(ROBOT, wrong, ["LElbowYaw"])
+    assert [line.verdict for line in outcome.lines] == ["implausible"]
+    assert "its sign right?" in outcome.lines[0].reason
+    assert outcome.draw is None
+    found = points(to_and_fro(wrong.log, 3, 1.0, LATE_S))
+    assert all(point.scatter >= 0.0 for point in found)
+
+
 @pytest.mark.parametrize(
     ("count", "off", "by", "agrees"),
     [(19, 2, 1.5, True), (19, 4, 1.5, False), (19, 1, 2.5, False), (4, 1, 1.5, True),
@@ -114,6 +125,12 @@ def test_as_many_points_may_be_off_as_intervals_leave_out(count, off, by, agrees
     beyond = [by * (scatter + half) * (k < off) for k in range(count)]
     found = [Point(0.5, 0.3, friction + more, scatter) for more in beyond]
     assert bool(disagreement(law, found, 0.3, 0.0)) is not agrees
+
+
+def test_a_joint_that_does_not_exist_is_named_also_beside_all(tmp_path) -> None:
+    words = ["--config", str(ROMEO), "--log", str(tmp_path / "none.csv"), "--direct", "all"]
+    said = CliRunner().invoke(main, ["identify", "friction", *words, "--direct", "LElbow"])
+    assert "no joint LElbow; there are:" in said.stderr
 
 
 def test_it_goes_on_after_a_stop_and_changes_nothing(tmp_path) -> None:
