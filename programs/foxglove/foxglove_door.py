@@ -76,19 +76,24 @@ def serve(
     RuntimeError if it cannot listen."""
     from foxglove import Context, start_server  # noqa: PLC0415 - an extra
 
-    unreachable = ""
+    from programs.recordings.foxglove import FoxgloveChannels  # noqa: PLC0415
+
+    unreachable, decoder = "", msgspec.json.Decoder(State)
     while going():
         try:
             with contextlib.closing(connect()) as client:
                 snapshot, _ = client.subscribe()
-                context = Context()
+                context, state = Context(), decoded(decoder, client.packet())
+                # Before the server: a viewer that subscribes while they are added may be refused.
+                channels = FoxgloveChannels(context, snapshot, list(state.beside))
                 viewers = _viewers()
                 server = start_server(
                     name="contactd", host=host, port=port, context=context, server_listener=viewers
                 )
                 try:
                     report(f"ws://{host}:{port}: {len(snapshot.joints)} joints")
-                    _show(client, snapshot, context, rate, viewers, going)
+                    every = max(round(1.0 / (rate * snapshot.period_s)), 1)
+                    _show(client, channels, decoder, every, viewers, going)
                 finally:
                     server.stop()
         except UnreachableError as error:
@@ -102,26 +107,21 @@ def serve(
 
 def _show(
     client: Client,
-    snapshot: Snapshot,
-    context: Any,
-    rate: float,
+    channels: Any,
+    decoder: msgspec.json.Decoder[State],
+    every: int,
     viewers: Any,
     going: Callable[[], bool],
 ) -> None:
-    """Publish States as long as the daemon sends them. Without viewers they are not decoded."""
+    """Publish each `every`-th State as long as the daemon sends them. Without viewers they are not
+    decoded."""
     from programs.recordings.export import Clock  # noqa: PLC0415
-    from programs.recordings.foxglove import FoxgloveChannels  # noqa: PLC0415
 
-    every = max(round(1.0 / (rate * snapshot.period_s)), 1)
-    channels: FoxgloveChannels | None = None
-    clock, watched = Clock(), False
-    decoder = msgspec.json.Decoder(State)
-    count = 0
+    clock, watched, count = Clock(), False, 0
     while going():
         packet = client.packet()
-        if channels is None or (watched and (count % every == 0 or NO_NOTICES not in packet)):
+        if watched and (count % every == 0 or NO_NOTICES not in packet):
             state = decoded(decoder, packet)
-            channels = channels or FoxgloveChannels(context, snapshot, list(state.beside))
             channels.log(state, clock.time_ns(state))
         if came := viewers.came:
             viewers.came = False
