@@ -16,7 +16,7 @@ import click
 import msgspec
 
 from common.errors import ContactdError, UnreachableError
-from daemon.protocol.state import Snapshot, State
+from daemon.protocol.state import State
 from programs.clients.client import Client, decoded
 from programs.command_line.options import PATH, Range
 
