@@ -10,7 +10,7 @@ cdef double _RIGID, _TINY, _FLAT, _REACH
 cdef class BackRows:
     cdef Py_ssize_t _n
     cdef double[:, ::1] A, _S
-    cdef double[::1] c, goal, ahead, back, _y
+    cdef double[::1] c, goal, ahead, back, y
 
     @cython.locals(mean=double, least=double, flat=double, beyond=double)
     cdef double factor(self, Py_ssize_t rows, const double[:] gain) noexcept

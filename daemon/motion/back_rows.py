@@ -24,7 +24,7 @@ class BackRows:
     def __init__(self, most: int, n: int) -> None:
         self._n = n
         self.A, self._S = np.zeros((most, n)), np.zeros((most, most))
-        self.c, self.goal, self.ahead, self.back, self._y = np.zeros((5, most))
+        self.c, self.goal, self.ahead, self.back, self.y = np.zeros((5, most))
 
     def factor(self, rows: int, gain: Vector) -> float:
         """S = A K A^T + C as its Cholesky factor; returns the least mobility of a rigid row beside
@@ -59,8 +59,8 @@ class BackRows:
                 self.ahead[r] += self.A[r, i] * v[i]
 
     def push(self, rows: int, gain: Vector, ahead: Vector, out: Vector) -> None:
-        """Velocity K A^T S^-1 ahead into out."""
-        S, y = self._S, self._y
+        """Velocity K A^T y into out, of forces y = S^-1 ahead."""
+        S, y = self._S, self.y
         for r in range(rows):
             y[r] = ahead[r]
             for s in range(r):

@@ -64,11 +64,12 @@ class Guidance:
 
     def step(
         self, q: Vector, moved: Vector, sent: Vector, before: Vector, asked: Vector,
-        share: Vector, gain: Vector, room: Vector, *, pushed: bool,
+        share: Vector, gain: Vector, room: Vector, push: Vector, dt: float,
     ) -> Vector:  # fmt: skip
         """Guided velocity [rad/s] at q [rad]: from the velocity `before` of the previous tick by a
         share of the difference to `asked`, with gains K_a; `moved` are the velocities of the
-        motors, `sent` their setpoints, room (2, n) the travel left down and up [rad]."""
+        motors, `sent` their setpoints, room (2, n) the travel left down and up [rad], push (n,) the
+        thresholded residual [Nm]."""
         assert self._guide is not None
         if not self.sure:
             self._guide.forget()
@@ -76,5 +77,5 @@ class Guidance:
             fades = before - share * before
             return agreed(fades, fades + share * asked)
         most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)
-        self._guide.step(q, moved, sent, before, asked, share, gain, most, pushed, out)
+        self._guide.step(q, moved, sent, before, asked, share, gain, most, push, dt, out)
         return out

@@ -14,9 +14,9 @@ bounded joint by joint it would be another direction. So the arm is led no more 
 a guide. Only then comes the virtual mass; what it leaves is projected, too.
 
 C is a damper's compliance: almost none where a direction is held, _DAMPS times its mobility where
-it is damped. A joint at the end of its room is one more row. A spring takes the tool back to where
-the guide began, slowly and not from further than _SLIP_M; and the way slows where the held rows are
-about to become dependent.
+it is damped. A joint at the end of its room is one more row. A spring (`guide_spring`) takes the
+tool back to where the guide began; and the way slows where the held rows are about to become
+dependent.
 
 Ordinary Python, which runs as it is; `guide.pxd` names types for the compiler.
 """
@@ -27,24 +27,22 @@ import numpy as np
 
 from common.arrays import Matrix, Vector
 from daemon.motion.back_rows import BackRows
+from daemon.motion.guide_spring import ARM_M, DAMPED, FREE, HELD, STIFF, GuideSpring
 from estimator.dynamics import Dynamics, Place
 from estimator.frame import Frame
 from estimator.model import Model
 
-FREE, DAMPED, HELD, STIFF = 0, 1, 2, 3
-"""Kinds of an axis: as eq. (15) moves it, more slowly, not at all, and held by a spring."""
+__all__ = ["DAMPED", "FREE", "HELD", "STIFF", "Guide"]
 
-_ARM_M = 0.3  # a turn counts as the way of a point at this distance
 _DAMPS = 0.25  # compliance of a damped row, over its own mobility
 _PASSES = 4  # joints that end their room make others turn further
-# The spring: fastest at the tool [m/s] and at a joint [rad/s], and its longest way [m].
-_SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
+_SPRING_M_S, _SPRING_RAD_S = 0.1, 0.3  # fastest way back of the tool and of a joint
 # Least mobility of a row beside those before it, over their mean; time in which it is approached,
 # and that over which it is foreseen [s].
 _LEAST, _CREEPS, _NEARS_S, _FORESEEN_S = 2e-3, 1e-7, 0.3, 0.05
 _LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
 _NEAR = 1e-9
-_FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
+_ARM_M, _FREE, _DAMPED = ARM_M, FREE, DAMPED  # for the compiler
 _ACROSS, _EVERY, _HOLDING = 0, 1, 2
 
 
@@ -61,16 +59,13 @@ class Guide:
         n = self._n = model.n
         self._dynamics = Dynamics(model.bodies(), model.down)
         self._frame = Frame(self._dynamics, place)
-        self._most, self._rate = velocity.copy(), rate
+        self._most = velocity.copy()
         self._turned, self._redundant = turned, redundant
-        self._kind = np.array(kinds, dtype=np.int64)
+        self.spring = GuideSpring(kinds, rate)
         self._q, self._rest, self._v, self._spring, self._moved, self._out = np.zeros((6, n))
         self._sent, self._presses, self._free = np.zeros((3, n))
         self._bound = np.zeros(n, dtype=np.int64)
-        # Axes, in columns; where it began along them, orientations N and M, then and now.
-        self._x = np.zeros(3)
-        self._d, self._to, self.off = np.zeros((3, 6))
-        self._N, self._G, self._M = np.zeros((3, 3, 3))
+        self._G, self._M = np.zeros((2, 3, 3))  # axes, in columns; orientation along them
         self._along = np.zeros((6, n))  # of the frame along the guide's axes, turns times _ARM_M
         self._rows = BackRows(6 + n, n)
         self.begun = False
@@ -91,13 +86,14 @@ class Guide:
 
     def step(
         self, q: Vector, moved: Vector, sent: Vector, before: Vector, wanted: Vector,
-        share: Vector, gain: Vector, room: Matrix, springs: bool, out: Vector,
+        share: Vector, gain: Vector, room: Matrix, push: Vector, dt: float, out: Vector,
     ) -> None:  # fmt: skip
         """Velocity (n,) [rad/s] into out, 0 in doubt, from q (n,) [rad], the velocities of the
         motors, 0 where not a number, and their last setpoints, the velocity before, the one that
-        eq. (15) heads for, without bounds, and the share of the way to it, the gains, and the
-        largest velocities down and up (2, n) that are left; springs: a hand is there."""
-        known = 0.0
+        eq. (15) heads for, without bounds, and the share of the way to it, the gains, the largest
+        velocities down and up (2, n) that are left, and the thresholded residual (n,) [Nm] of the
+        hand, in this tick of dt [s]."""
+        known, hand = 0.0, False
         for i in range(self._n):
             self._q[i] = q[i]
             self._v[i], out[i] = wanted[i], 0.0
@@ -105,14 +101,18 @@ class Guide:
             self._sent[i] = sent[i]
             self._bound[i] = 0
             self._presses[i] = 0.0
+            hand = hand or push[i] != 0.0
+            self._spring[i] = gain[i] * push[i]
             known += q[i] + wanted[i] + gain[i] + before[i] + share[i] + room[0, i] + room[1, i]
+            known += push[i]
         if known - known != 0.0:
             return
         self._see()
-        self._measure(springs)
+        self.spring.measure(self._frame.x, self._G, self._M, hand)
         self._frame_alone(gain)
         rows = self._choose(_ACROSS)
         pivot = self._rows.factor(rows, gain)
+        self._resist(rows, gain, dt)
         self._rows.ask(rows, self._v)
         self._rows.push(rows, gain, self._rows.ahead, self._out)
         for i in range(self._n):
@@ -202,10 +202,7 @@ class Guide:
                 M[a, b] = G[0, a] * f.R[0, b] + G[1, a] * f.R[1, b] + G[2, a] * f.R[2, b]
         if not self.begun:
             self.begun = True
-            for a in range(3):
-                self._x[a] = f.x[a]
-                for b in range(3):
-                    self._N[a, b] = M[a, b]
+            self.spring.begin(f.x, M)
         for i in range(self._n):
             for a in range(3):
                 self._along[a, i] = self._along[3 + a, i] = 0.0
@@ -213,45 +210,31 @@ class Guide:
                     self._along[a, i] += M[a, b] * f.J[b, i]
                     self._along[3 + a, i] += _ARM_M * M[a, b] * f.J[3 + b, i]
 
-    def _measure(self, springs: bool) -> None:
-        """Distance of the frame from the guide, along its axes [m], turns times _ARM_M, and speed
-        back. What no spring holds, or not from so far, moves the place where the guide began."""
-        M, N, d = self._M, self._N, self._d
+    def _resist(self, rows: int, gain: Vector, dt: float) -> None:
+        """Fade the spring by the force of the push along each row, K A^T force = `_spring`."""
+        self._rows.ask(rows, self._spring)
+        self._rows.push(rows, gain, self._rows.ahead, self._spring)
+        rows = 0
         for a in range(6):
-            off, b, c = 0.0, (a + 1) % 3, (a + 2) % 3
-            for k in range(3):
-                if a < 3:
-                    off += self._G[k, a] * (self._frame.x[k] - self._x[k])
-                else:
-                    off += 0.5 * _ARM_M * (N[b, k] * M[c, k] - N[c, k] * M[b, k])
-            kept = min(max(off, -_SLIP_M), _SLIP_M) if self._kind[a] == _STIFF else 0.0
-            self.off[a], d[a] = kept, (off - kept) / (1.0 if a < 3 else _ARM_M)
-            kept = self._rate * kept if springs else 0.0
-            self._to[a] = min(max(-kept, -_SPRING_M_S), _SPRING_M_S)
-        for k in range(3):
-            for a in range(3):
-                self._x[k] += self._G[k, a] * d[a]
-            n0, n1, n2 = N[0, k], N[1, k], N[2, k]
-            N[0, k] += d[4] * n2 - d[5] * n1
-            N[1, k] += d[5] * n0 - d[3] * n2
-            N[2, k] += d[3] * n1 - d[4] * n0
-            one = 1.0 / sqrt(N[0, k] * N[0, k] + N[1, k] * N[1, k] + N[2, k] * N[2, k])
-            for a in range(3):
-                N[a, k] *= one
+            force = 0.0
+            if self.spring.kind[a] != _FREE:
+                force = self._rows.y[rows]
+                rows += 1
+            self.spring.withstand(a, force, dt)
 
     def _choose(self, which: int) -> int:
         """Rows A of the directions that are not free, of every one, or of those that are held;
         returns their number."""
         r, rows = self._rows, 0
         for a in range(6):
-            damps = self._kind[a] == _DAMPED
+            damps = self.spring.kind[a] == _DAMPED
             if damps and which == _HOLDING:
                 continue
-            if which == _EVERY or self._kind[a] != _FREE:
+            if which == _EVERY or self.spring.kind[a] != _FREE:
                 for i in range(self._n):
                     r.A[rows, i] = self._along[a, i]
                 r.c[rows] = _DAMPS if damps and which == _ACROSS else 0.0
-                r.goal[rows], r.back[rows] = 0.0, self._to[a]
+                r.goal[rows], r.back[rows] = 0.0, self.spring.back[a]
                 rows += 1
         return rows
 

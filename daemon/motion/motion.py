@@ -262,9 +262,8 @@ class Motion:
         limits, moved = self.limits, self.velocity if moved is None else moved
         room = np.array([q - limits.lower, limits.upper - q]) - limits.each(play)
         gain, share = self.gains.value, self._law.share(dt)
-        asked, pushed = gain * push + self._assist.velocity, bool(push.any())
-        sent = self.velocity
-        return self.guidance.step(q, moved, sent, before, asked, share, gain, room, pushed=pushed)
+        asked, sent = gain * push + self._assist.velocity, self.velocity
+        return self.guidance.step(q, moved, sent, before, asked, share, gain, room, push, dt)
 
     def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
         """Velocity (n,) [rad/s] of the position loop. An arm that walls held back catches up slowly

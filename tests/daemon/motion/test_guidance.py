@@ -26,7 +26,8 @@ def guided(axes: GuideAxes) -> Guidance:
 
 
 def step(guidance: Guidance, q: Vector, asked: Vector, *, pushed: bool = True) -> Vector:
-    return guidance.step(q, STILL, STILL, STILL, asked, STILL + 1.0, GAIN, ROOM, pushed=pushed)
+    push = STILL + 1e-12 * pushed
+    return guidance.step(q, STILL, STILL, STILL, asked, STILL + 1.0, GAIN, ROOM, push, 0.01)
 
 
 @pytest.mark.parametrize("frame", ["tool", "base"])
@@ -69,7 +70,8 @@ def test_without_a_witnessed_hand_no_joint_moves_further_than_without_a_guide() 
     for _ in range(50):
         before, push = rng.normal(size=(2, MODEL.n)) * rng.integers(0, 2, (2, MODEL.n)) * 0.2
         free = before + 0.2 * (push - before)
-        out = guidance.step(Q, STILL, before, before, push, STILL + 0.2, GAIN, ROOM, pushed=True)
+        share, hand = STILL + 0.2, push / GAIN
+        out = guidance.step(Q, STILL, before, before, push, share, GAIN, ROOM, hand, 0.01)
         assert (abs(np.clip(out, np.minimum(free, 0.0), np.maximum(free, 0.0)) - out) < 1e-12).all()
 
 

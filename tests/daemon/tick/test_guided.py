@@ -6,7 +6,9 @@ import pytest
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import wrench
 from bench.study.guided import across, along
+from bench.study.hands import Hands
 from bench.study.leading import arm_at_work, robot_of
+from common.arrays import Vector
 from daemon.assembly import build_motion
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
@@ -36,6 +38,30 @@ def test_20_newtons_across_give_less_than_2_mm_and_what_is_free_is_led(on: ArmIn
     _, off = along(on, LINE, 0, 1.0)
     assert off < 12.0
     assert along(on, GuideAxes(), 0, -1.0)[1] > 2.0 * off
+
+
+def test_an_obstacle_on_the_way_of_the_spring_is_released(on: ArmInTheLoop) -> None:
+    """It takes the hand's place within a tick, 3 mm on a way of 20 mm, and is felt as a hand."""
+    across(on, LINE, 1, -1.0)
+    plant, guide = on.harness.plant, on.tick.controller.motion.guidance._guide
+    assert guide is not None
+    x, J = Hands(on.robot.model, on.robot.urdf).at_tool(plant.q)
+    ahead = on.robot.model.axes(plant.q)[:, 1]
+    guide.forget()
+    guide.begin(plant.q + np.linalg.pinv(J) @ (0.02 * ahead))
+    pressed = []
+
+    def obstacle(q: Vector, _: Vector) -> Vector:
+        x_now, J = Hands(on.robot.model, on.robot.urdf).at_tool(q)
+        pressed.append(max(ahead @ (x_now - x) - 0.003, 0.0) * 20_000.0)
+        torque: Vector = J.T @ (-pressed[-1] * ahead)
+        return torque
+
+    on.drives.hold = obstacle
+    on.run(6.0)
+    assert max(pressed) > 10.0
+    assert max(pressed) < 60.0
+    assert max(pressed[-10:]) < 15.0
 
 
 def test_nothing_moves_without_a_hand_whatever_the_guide(on: ArmInTheLoop) -> None:
@@ -92,5 +118,5 @@ def test_doubt_begins_the_guide_anew(on: ArmInTheLoop) -> None:
         guide.begin(plant.q + 0.02)
         motion.guidance.sure = sure
         motion.step(Mode.ADMITTANCE, plant.q, None, push, 0.01)
-        assert (np.abs(guide.off).max() > 1e-3) == off
+        assert (np.abs(guide.spring.off).max() > 1e-3) == off
         motion.velocity[:] = 0.0
