@@ -6,7 +6,7 @@ from common.arrays import Vector
 from common.errors import ModelError
 from daemon.motion.guide import Guide
 from daemon.motion.hand_witness import agreed
-from daemon.protocol.guide import BASE, TOOL, GuideAxes
+from daemon.protocol.guide import AXES, BASE, TOOL, GuideAxes
 from estimator.dynamics import Place
 from estimator.model import Model
 
@@ -31,8 +31,11 @@ class Guidance:
         """False if sensing is doubtful: the guide then restarts, without its spring"""
         self.led = True
         """False without a witnessed hand: velocities fade, and no joint turns for another"""
+        self.residual: Vector | None = None
+        """Residual (n,) [Nm] that may withstand the spring; None: the thresholded one"""
         self._model, self._velocity, self._rate = model, velocity, rate
         self._guide: Guide | None = None
+        self._kinds: list[int] = []
 
     def change(self, axes: GuideAxes) -> None:
         """Replace the guide; the new one begins where the arm is led next. Raises ModelError for an
@@ -42,6 +45,7 @@ class Guidance:
             if self._model is None:
                 raise ModelError("no guide while the signs of the links are not checked")
             place, kinds = guide_place(self._model, axes), np.array(axes.kinds())
+            self._kinds = axes.kinds()
             how = {"turned": axes.frame != BASE, "redundant": axes.redundant == "free"}
             guide = Guide(self._model, place, self._velocity, self._rate, kinds, **how)
         self.axes, self._guide = axes, guide
@@ -51,6 +55,13 @@ class Guidance:
     def guides(self) -> bool:
         """True if there is a guide."""
         return self._guide is not None
+
+    @property
+    def damped(self) -> str:
+        """Stiff axes that are damped since a force withstood their spring; empty without any."""
+        guide = self._guide
+        axes = zip(AXES, self._kinds, guide.spring.kind, strict=True) if guide else ()
+        return " ".join(axis for axis, asked, kind in axes if kind != asked)
 
     def begin(self, q: Vector) -> None:
         """Begin the guide at q [rad], unless it has begun."""
@@ -77,5 +88,7 @@ class Guidance:
             fades = before - share * before
             return agreed(fades, fades + share * asked)
         most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)
-        self._guide.step(q, moved, sent, before, asked, share, gain, most, push, dt, out)
+        residual = push if self.residual is None else self.residual
+        hand = bool(push.any())
+        self._guide.step(q, moved, sent, before, asked, share, gain, most, residual, hand, dt, out)
         return out

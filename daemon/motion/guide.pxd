@@ -31,11 +31,12 @@ cdef class Guide:
     @cython.locals(known=double)
     cpdef void begin(self, const double[:] q) noexcept
     @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, bounded=double,
-                   gentle=double, whole=double, hand=bint)
+                   gentle=double, whole=double)
     cpdef void step(
         self, const double[:] q, const double[:] moved, const double[:] sent,
         const double[:] before, const double[:] wanted, const double[:] share, const double[:] gain,
-        const double[:, :] room, const double[:] push, double dt, double[::1] out
+        const double[:, :] room, const double[:] residual, bint hand, double dt,
+        double[::1] out
     ) noexcept
     cdef void _frame_alone(self, const double[:] gain) noexcept
     @cython.locals(share=double, fastest=double)

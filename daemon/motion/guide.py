@@ -86,14 +86,15 @@ class Guide:
 
     def step(
         self, q: Vector, moved: Vector, sent: Vector, before: Vector, wanted: Vector,
-        share: Vector, gain: Vector, room: Matrix, push: Vector, dt: float, out: Vector,
+        share: Vector, gain: Vector, room: Matrix, residual: Vector, hand: bool, dt: float,
+        out: Vector,
     ) -> None:  # fmt: skip
         """Velocity (n,) [rad/s] into out, 0 in doubt, from q (n,) [rad], the velocities of the
         motors, 0 where not a number, and their last setpoints, the velocity before, the one that
         eq. (15) heads for, without bounds, and the share of the way to it, the gains, the largest
-        velocities down and up (2, n) that are left, and the thresholded residual (n,) [Nm] of the
-        hand, in this tick of dt [s]."""
-        known, hand = 0.0, False
+        velocities down and up (2, n) that are left, and the residual (n,) [Nm], in this tick of dt
+        [s]; hand: something pushes."""
+        known = 0.0
         for i in range(self._n):
             self._q[i] = q[i]
             self._v[i], out[i] = wanted[i], 0.0
@@ -101,10 +102,9 @@ class Guide:
             self._sent[i] = sent[i]
             self._bound[i] = 0
             self._presses[i] = 0.0
-            hand = hand or push[i] != 0.0
-            self._spring[i] = gain[i] * push[i]
+            self._spring[i] = gain[i] * residual[i]
             known += q[i] + wanted[i] + gain[i] + before[i] + share[i] + room[0, i] + room[1, i]
-            known += push[i]
+            known += residual[i]
         if known - known != 0.0:
             return
         self._see()
@@ -211,7 +211,7 @@ class Guide:
                     self._along[3 + a, i] += _ARM_M * M[a, b] * f.J[3 + b, i]
 
     def _resist(self, rows: int, gain: Vector, dt: float) -> None:
-        """Fade the spring by the force of the push along each row, K A^T force = `_spring`."""
+        """Fade the spring by the force of the residual along each row, K A^T force = `_spring`."""
         self._rows.ask(rows, self._spring)
         self._rows.push(rows, gain, self._rows.ahead, self._spring)
         rows = 0

@@ -10,7 +10,8 @@ cdef double _ARM_M, _SPRING_M_S, _SLIP_M, _WHOLE_N, _BLOCKS_N, _NONE_N, _OFF_M, 
 
 cdef class GuideSpring:
     cdef double _rate
-    cdef long long[::1] _set, kind
+    cdef long long[::1] _set
+    cdef readonly long long[::1] kind
     cdef readonly double[::1] off
     cdef double[::1] back, _blocked_s, _d, _x
     cdef double[:, ::1] _N

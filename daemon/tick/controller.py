@@ -51,6 +51,7 @@ class Controller:
         self._own = OwnEvents(tuning, self.machine, motion, self.quiet, self._allowance, witness)
         self._observed: ControlInput | None = None
         self._phase: Phase | None = None  # of the stream, as reported
+        self._damped = ""  # axes of the guide, as reported
         self._stepped_s = 0.0  # time of the latest step
         self._finding: Finding | None = None  # the last one that changed the mode
 
@@ -157,7 +158,7 @@ class Controller:
         self._hear(time_s, observed.hit or observed.touched)
         motion, o, push = self.motion, observed, self._push(observed, dt)
         motion.step(self.machine.mode, o.q, o.age_s, push, dt, o.play, o.motor_velocity)
-        self._report_phase()
+        self._report_changes()
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
@@ -174,21 +175,26 @@ class Controller:
                     cause = f"{self.machine.cause}; the stream of {stream.sender} has ended"
                 self._apply(Event.ABANDON, cause + stream.clock_in_words, time_s)
 
-    def _report_phase(self) -> None:
-        """Report a change of the stream's phase, with the modes."""
+    def _report_changes(self) -> None:
+        """Report, with the modes, a change of the stream's phase, and a guide that gives way."""
         stream = self.stream
         phase, before = stream.phase if stream else None, self._phase
         if phase is not before and phase and before:
             self.machine.changes.append(Change(f"stream {phase}", CAUSES[phase]))
-        self._phase = phase
+        damped = self.motion.guidance.damped if self.machine.mode is Mode.ADMITTANCE else ""
+        if damped and damped != self._damped:
+            cause = "a force withstood their spring, and may be that of an obstacle"
+            self.machine.changes.append(Change(f"guide yields along {damped}", cause))
+        self._phase, self._damped = phase, damped
 
     def _push(self, observed: ControlInput, dt: float) -> Vector:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
         self.motion.excess, self.motion.guidance.led = None, True
-        self.motion.guidance.sure = observed.sure
+        self.motion.guidance.sure, self.motion.guidance.residual = observed.sure, None
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
+        self.motion.guidance.residual = independent.agreed
         push = witness.step(independent, observed.motor_velocity, dt)
         self.motion.guidance.led = witness.leads
         self.motion.excess = witness.excess if self._tuning.assists and observed.sure else None

@@ -50,13 +50,13 @@ class Led:
 
     def __call__(
         self, q: Vector, v: Vector, room: float = 9.0, moved: Vector | None = None,
-        sent: Vector | None = None, *, springs: bool = True, push: Vector | float = 1e-12,
+        sent: Vector | None = None, *, springs: bool = True, residual: Vector | float = 0.0,
     ) -> Vector:  # fmt: skip
         out, moved = np.full(self.model.n, np.nan), 0.0 * v if moved is None else moved
         rooms = np.full((2, self.model.n), room)
         sent, none, whole = moved if sent is None else sent, 0.0 * v, 1.0 + 0.0 * v
-        push = springs * (none + push)
-        self.guide.step(q, moved, sent, none, v, whole, self.gain, rooms, push, DT, out)
+        force = none + residual
+        self.guide.step(q, moved, sent, none, v, whole, self.gain, rooms, force, springs, DT, out)
         return out
 
     def along(self, q: Vector) -> Matrix:
@@ -148,7 +148,7 @@ def test_a_joint_at_its_limit_is_a_soft_wall(arm: tuple[Model, Vector, Vector, V
     for room in (0.5, 0.2, 0.01, 0.0):
         rooms[:, i] = room * np.abs(free[i])
         none = 0.0 * v
-        led.guide.step(q, none, none, none, v, none + 1.0, gain, rooms, none, DT, out)
+        led.guide.step(q, none, none, none, v, none + 1.0, gain, rooms, none, False, DT, out)
         assert abs(out[i]) <= rooms[0, i] + 1e-5
         (x, R), (y, _) = led.frame(q), led.frame(q + 1e-4 * out)
         assert np.abs((R.T @ (y - x))[1:]).max() / 1e-4 < 1e-3
@@ -222,13 +222,13 @@ def test_a_spring_that_a_force_withstands_fades_and_then_gives_way(
     q = q0 + np.linalg.pinv(model.tool_jacobian(q0)) @ (0.01 * across)
     whole = led(q, still)
     J = led.along(q)
-    push = force * J[1] + 1e-12
+    push = force * J[1]
     share = np.clip((28.0 - force) / 8.0, 0.0, 1.0)
-    assert J[1] @ led(q, still, push=push) == pytest.approx(
+    assert J[1] @ led(q, still, residual=push) == pytest.approx(
         share * (J[1] @ whole), rel=0.02, abs=1e-4
     )
     for _ in range(150):
-        v = led(q, gain * push, push=push)
+        v = led(q, gain * push, residual=push)
     assert (led.guide.spring.off[1] == 0.0) == (force > 22.0)
     if force > 22.0:
         assert J[1] @ v > 1e-3  # away from the obstacle
@@ -329,9 +329,7 @@ def steady(
     for _ in range(round(seconds / DT)):
         before, v = v, np.empty_like(v)
         asked = led.gain * push
-        led.guide.step(
-            q, none, none, before, asked, share, led.gain, rooms, none + 1e-12 * springs, DT, v
-        )
+        led.guide.step(q, none, none, before, asked, share, led.gain, rooms, none, springs, DT, v)
     return v
 
 
@@ -383,7 +381,9 @@ def test_joints_at_their_ends_and_dampers_turn_nothing_against_the_hand(
         rooms = rng.uniform(0.0, 2.0, (2, model.n)) * (rng.random((2, model.n)) > 0.2)
         led, out = Led(model, gain, tuple(kinds), redundant=bool(rng.integers(2))), none + np.nan
         moved = 0.3 * rng.normal(size=model.n)
-        led.guide.step(q, moved, none, none, gain * push, none + 0.2, gain, rooms, none, DT, out)
+        led.guide.step(
+            q, moved, none, none, gain * push, none + 0.2, gain, rooms, none, False, DT, out
+        )
         assert push @ out >= -1e-9 * np.abs(push).max() * np.abs(out).max()
         assert out / gain @ out <= 0.2 * (push @ out) + 1e-12
 

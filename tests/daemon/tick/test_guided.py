@@ -36,7 +36,7 @@ def test_20_newtons_across_give_less_than_2_mm_and_what_is_free_is_led(on: ArmIn
     free, _, _ = across(on, GuideAxes(), 1, -1.0)
     assert free > 20.0
     _, off = along(on, LINE, 0, 1.0)
-    assert off < 12.0
+    assert off < 15.0
     assert along(on, GuideAxes(), 0, -1.0)[1] > 2.0 * off
 
 
@@ -58,10 +58,14 @@ def test_an_obstacle_on_the_way_of_the_spring_is_released(on: ArmInTheLoop) -> N
         return torque
 
     on.drives.hold = obstacle
-    on.run(6.0)
+    notices = []
+    for _ in range(600):
+        on.step()
+        notices += [n.text for n in on.last.notices if n.text.startswith("guide yields")]
     assert max(pressed) > 10.0
     assert max(pressed) < 60.0
     assert max(pressed[-10:]) < 15.0
+    assert [text.partition(":")[0] for text in notices] == ["guide yields along y"]
 
 
 def test_nothing_moves_without_a_hand_whatever_the_guide(on: ArmInTheLoop) -> None:
