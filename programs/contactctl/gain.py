@@ -63,7 +63,7 @@ def show(options: Options, joint: str | None) -> None:
         print_json(shown)
         return
     for name, k in shown.items():
-        click.echo(f"{name:16} {k:g}")
+        click.echo(f"{name:16} {k:<5g} rad/s per Nm")
 
 
 def change(options: Options, joint: str, value: float) -> None:
@@ -196,6 +196,7 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     return "\n".join(
         [
             *aligned(table, numbers=True),
+            "K_a in rad/s per Nm; then: as proposed.",
             f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, 5th to 95th percentile over "
             "500 poses within the limits.",
             "Rest: force that moves a joint from rest, by its level and friction, which no gain "
