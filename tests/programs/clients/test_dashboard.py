@@ -235,6 +235,11 @@ def test_threshold_marks_are_half_way() -> None:
     assert residual_bar(0.0, 1.0, 8, ascii_only=True).plain == "    :   |   :    "
 
 
+def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
+    shown = "".join(text_of(dashboard(range(0, 3), quiet_s=1.1), 80, 24))
+    assert "continues in 0.9 s if untouched" in shown
+
+
 def test_history_is_bounded_and_right(make_state: MakeState) -> None:
     history = History()
     assert history.summary() == Summary()
