@@ -236,7 +236,7 @@ def test_threshold_marks_are_half_way() -> None:
 
 
 def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
-    shown = "".join(text_of(dashboard(range(0, 3), quiet_s=1.1), 80, 24))
+    shown = "".join(text_of(dashboard(range(0, 3), mode=Mode.ADMITTANCE, quiet_s=1.1), 80, 24))
     assert "continues in 0.9 s if untouched" in shown
 
 
