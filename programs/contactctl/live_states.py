@@ -16,6 +16,7 @@ import click
 from common.errors import HungUpError, UnreachableError
 from common.new_file import refuse_suffix
 from contactd_client.connection import ANSWER_S
+from daemon.modes.table import SENSING
 from programs.command_line.options import PATH, Command, Options, Range
 from programs.contactctl.replies import print_json
 
@@ -61,7 +62,10 @@ def touches(options: Options, file: Path | None) -> None:
         with options.connect() as client:
             snapshot, states = client.subscribe()
             yield snapshot
-            yield from states
+            for n, state in enumerate(states):
+                if n == 0 and state.mode in SENSING and any(state.thresholded) and not options.json:
+                    click.echo("a contact is present already: it counts from now", err=True)
+                yield state
 
     if not options.json and file is None:
         click.echo("contacts are printed when they have ended; Ctrl-C quits", err=True)
