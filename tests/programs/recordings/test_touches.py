@@ -154,17 +154,12 @@ def test_a_contact_that_is_present_at_the_start_is_reported(
 @pytest.mark.parametrize(
     ("fields", "word"),
     [
-        ({}, "touched"),
-        ({"seconds": 0.5}, "pushed"),
-        ({"moved_rad": 0.1}, "pushed"),
-        ({"seconds": 3.0}, "leaning"),
-        ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
-        ({"hard": True, "seconds": 3.0}, "hit"),
-        ({"held_s": 0.6, "hard": True}, "clamped"),
-        ({"harder": 0.3, "seconds": 3.0}, "clamped"),
-        ({"load_kg": 0.4, "held_s": 0.6}, "load"),
+        ({}, "touched"), ({"seconds": 0.5}, "pushed"), ({"moved_rad": 0.1}, "pushed"),
+        ({"seconds": 3.0}, "leaning"), ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
+        ({"hard": True, "seconds": 3.0}, "hit"), ({"held_s": 0.6, "hard": True}, "clamped"),
+        ({"harder": 0.3, "seconds": 3.0}, "clamped"), ({"load_kg": 0.4, "held_s": 0.6}, "load"),
     ],
-)
+)  # fmt: skip
 def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
     assert Contact.of(Evidence(1.0, **fields)).word == word
 
