@@ -122,7 +122,17 @@ def json_option(callback: Any = None) -> click.Option:
     )
 
 
-class InOrder(click.Group):
+class Listing(click.Group):
+    """Group whose --help shows the whole first sentence of each command; click would cut it."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands."""
+        commands = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, c.get_short_help_str(999)) for name, c in commands if c])
+
+
+class InOrder(Listing):
     """Group that lists its commands in the order of definition, which is that of use."""
 
     command_class = Signed

@@ -53,8 +53,11 @@ def watch(options: Options) -> None:
 @click.argument("file", type=PATH, metavar="[FILE.mcap]", required=False)
 @click.pass_obj
 def touches(options: Options, file: Path | None) -> None:
-    """Print each contact when it has ended, until Ctrl-C, or the contacts of a recording: touched,
-    pushed, hit, clamped, leaning or load, with evidence, place on the arm, and strength."""
+    """Print each contact when it has ended, until Ctrl-C, or the contacts of a recording.
+
+    Each is touched, pushed, hit, clamped, leaning or load, with evidence, place on the arm, and
+    strength.
+    """
     from programs.clients.log_reader import read_log
     from programs.recordings.touches import contacts
 

@@ -250,6 +250,12 @@ def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
     assert {command for command, _ in fake_daemon.seen} == {"status"}
 
 
+@pytest.mark.parametrize("program", [contactctl, contactd])
+def test_help_shows_whole_sentences(program: Any) -> None:
+    _, _, commands = CliRunner().invoke(program.main, ["--help"]).stdout.partition("Commands:")
+    assert ("..." in commands, "moves" in commands or "detect contact" in commands) == (False, True)
+
+
 def test_help_lists_every_exit_status() -> None:
     text = " ".join(CliRunner().invoke(contactctl.main, ["--help"]).stdout.split())
     listed = text.split("Exit status: ")[1].split(".")[0]
