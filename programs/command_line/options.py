@@ -123,7 +123,11 @@ def json_option(callback: Any = None) -> click.Option:
 
 
 class Listing(click.Group):
-    """Group whose --help shows the whole first sentence of each command; click would cut it."""
+    """Group whose --help shows the whole first sentence of each command, which click would cut, and
+    that lists its commands if one is unknown."""
+
+    others = ""
+    """End of the message that lists the commands, on commands of another program."""
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands."""
@@ -131,24 +135,22 @@ class Listing(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(name, c.get_short_help_str(999)) for name, c in commands if c])
 
-
-class InOrder(Listing):
-    """Group that lists its commands in the order of definition, which is that of use."""
-
-    command_class = Signed
-    others = ""
-    """End of the message that lists the commands, on commands of another program."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Commands in the order of their definition."""
-        return list(self.commands)
-
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Resolve the first argument as a command. Raises UsageError that lists all commands."""
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             known = ", ".join(self.list_commands(ctx))
             raise click.UsageError(f"no command {args[0]!r}; there are: {known}{self.others}", ctx)
         return super().resolve_command(ctx, args)
+
+
+class InOrder(Listing):
+    """Group that lists its commands in the order of definition, which is that of use."""
+
+    command_class = Signed
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Commands in the order of their definition."""
+        return list(self.commands)
 
 
 class Group(InOrder):

@@ -34,6 +34,8 @@ class _Group(Listing):
     """Command group that reports a ContactdError as a message on stderr with its exit status, and
     any other exception as a traceback with the exit status of a program error."""
 
+    others = "; enable, arm, start, status and more are commands of `contactctl`"
+
     def invoke(self, ctx: click.Context) -> Any:
         single_threaded()  # must precede the import of numpy
         try:
