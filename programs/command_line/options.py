@@ -195,6 +195,6 @@ class Range(click.FloatRange):
             number = float(value)
         except ValueError:
             self.fail(f"{value!r} is not a number.", param, ctx)
-        if math.isnan(number):
+        if math.isnan(number) and (self.min is not None or self.max is not None):
             self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)
         return super().convert(value, param, ctx)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from programs.command_line.options import Command, Options
+from programs.command_line.options import Command, Options, Range
 from programs.command_line.sentences import aligned, say
 from programs.contactctl.replies import answer, print_json
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=Command, context_settings={"ignore_unknown_options": True})  # -0.1 is no option
 @click.argument("joint", required=False)
-@click.argument("value", type=float, required=False)
+@click.argument("value", type=Range(), required=False)
 @click.option("--balance", is_flag=True, help="Propose gains with which all joints yield equally.")
 @click.option("--apply", is_flag=True, help="With --balance: apply the proposed gains.")
 @click.pass_obj

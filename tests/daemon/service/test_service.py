@@ -103,7 +103,7 @@ def test_a_gain_is_shown_changed_and_reported(served: ServedDaemon) -> None:
         (["joint", "6"], 1, "6 is not a gain: 0, or 0.0001 to 5 rad/s per Nm"),
         (["joint", "-0.1"], 1, "-0.1 is not a gain"),
         (["joint", "nan"], 2, "nan is not a gain"),
-        (["joint", "soft"], 2, "'soft' is not a valid float"),
+        (["joint", "soft"], 2, "'soft' is not a number"),
         (["knee"], 1, "no joint 'knee'; there are: joint"),
     ],
 )
