@@ -12,12 +12,12 @@ import json
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -73,8 +73,11 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         build_data["pure_python"], build_data["infer_tag"] = False, True
 
 
-def build(root: Path, out: Path, chosen: Sequence[str]) -> list[Path]:
-    """Compile these modules of `root` into the same folders of `out`; returns the extensions.
+def build(
+    root: Path, out: Path, chosen: Sequence[str], finished: Callable[[str], None] = lambda _: None
+) -> list[Path]:
+    """Compile these modules of `root` into the same folders of `out`, one in each process; returns
+    the extensions. `finished` is called with each module, as soon as its extension is complete.
     Raises OSError or CalledProcessError on failure."""
     include = Path(sysconfig.get_path("include"))
     if not (include / "Python.h").exists():
@@ -83,19 +86,40 @@ def build(root: Path, out: Path, chosen: Sequence[str]) -> list[Path]:
             f"sudo apt install python{sys.version_info[0]}-dev)"
         )
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(partial(_compile, root, out, include), chosen))
+        running = {pool.submit(_compile, root, out, include, module): module for module in chosen}
+        try:
+            for future in as_completed(running):
+                future.result()
+                finished(running[future])
+        finally:  # after a failure or Ctrl-C, no further one is begun
+            pool.shutdown(wait=False, cancel_futures=True)
+    return [out / f"{module}{SUFFIX}" for module in chosen]
 
 
-def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
+def _compile(root: Path, out: Path, include: Path, module: str) -> None:
     c, extension = root / "build" / "c" / f"{module}.c", out / f"{module}{SUFFIX}"
     for file in (c, extension):
         file.parent.mkdir(parents=True, exist_ok=True)
     cython = [sys.executable, "-m", "cython", "-3", f"{module}.py", "-o", str(c)]
-    subprocess.run(cython, cwd=root, check=True)
+    _run(cython, root)
     # Replaced atomically: a process that runs the old extension keeps it.
     new = extension.with_suffix(".new")
-    subprocess.run([*compiler(), *FLAGS, f"-I{include}", str(c), "-o", str(new)], check=True)
-    return new.replace(extension)
+    _run([*compiler(), *FLAGS, f"-I{include}", str(c), "-o", str(new)], root)
+    new.replace(extension)
+
+
+def _run(command: Sequence[str], folder: Path) -> None:
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        check=False,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    if done.returncode != -signal.SIGINT:  # of Ctrl-C it would show a traceback
+        sys.stderr.write(done.stdout)
+    done.check_returncode()
 
 
 def how() -> list[str]:
@@ -106,9 +130,9 @@ def how() -> list[str]:
 def record(sources: Mapping[str, str], out: Path) -> Path:
     """Record how the extensions in `out` were built, and from what. sources: digests taken before
     the build, so that files edited meanwhile count as outdated."""
-    path = out / compiled.RECORD
-    path.write_text(json.dumps({"how": how(), "sources": sources}, indent=1) + "\n")
-    return path
+    path, new = out / compiled.RECORD, out / f"{compiled.RECORD}.new"
+    new.write_text(json.dumps({"how": how(), "sources": sources}, indent=1) + "\n")
+    return new.replace(path)  # whole, also after an interruption
 
 
 def out_of_date(root: Path) -> list[str]:
@@ -133,7 +157,8 @@ def clean(root: Path) -> None:
 
 
 def main(root: Path) -> int:
-    """Build outdated extensions beside their sources; on failure, remove all extensions."""
+    """Build outdated extensions beside their sources. Each is recorded when it is complete, so that
+    after an interruption the next run continues; on failure, all extensions are removed."""
     now = {root / f"{module}{SUFFIX}" for module in compiled.modules(root)}
     for extension in compiled.extensions(root):
         if extension not in now:
@@ -141,19 +166,53 @@ def main(root: Path) -> int:
     if not (chosen := out_of_date(root)):
         return 0
     sources = compiled.sources(root)
-    print(f"contactd: compiling {len(chosen)} modules, a few minutes at most", file=sys.stderr)
+    done = {module: digest for module, digest in sources.items() if module not in chosen}
+    progress = Progress(len(chosen))
+
+    def finished(module: str) -> None:
+        done[module] = sources[module]
+        record(done, root)
+        progress.step()
+
     try:
-        build(root, root, chosen)
+        build(root, root, chosen, finished)
+    except KeyboardInterrupt:
+        progress.end(f"interrupted; the next run compiles the other {len(sources) - len(done)}")
+        return 130
     except (OSError, subprocess.CalledProcessError) as error:
         clean(root)
-        print(
-            "contactd: not compiled, runs as plain Python, the estimator about 50 times slower: "
-            f"{error}",
-            file=sys.stderr,
+        progress.end(
+            f"not compiled, runs as plain Python, the estimator about 50 times slower: {error}"
         )
         return 1
-    record(sources, root)
+    progress.end()
     return 0
+
+
+class Progress:
+    """Progress of a build on stderr: one line that is rewritten at a terminal, else a line for each
+    quarter."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done, self._live = total, 0, sys.stderr.isatty()
+        self._show(f"compiling {total} modules, a few minutes at most", stays=True)
+
+    def step(self) -> None:
+        """One more module is compiled."""
+        self._done += 1
+        quarters, before = (4 * done // self._total for done in (self._done, self._done - 1))
+        if self._live or quarters > before:
+            self._show(f"{self._done} of {self._total} modules compiled", stays=not self._live)
+
+    def end(self, text: str = "") -> None:
+        """The last line: that of the progress stays, followed by `text`."""
+        if self._live and self._done:
+            print(file=sys.stderr)
+        if text:
+            self._show(text, stays=True)
+
+    def _show(self, text: str, *, stays: bool) -> None:
+        print(f"contactd: {text}", end="\n" if stays else "\r", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -234,6 +234,7 @@ class Snapshot(TypedDict):
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is ...
     wrench_point: NotRequired[list[float]]  # ... and where in that link's frame, x y z [m]
     walls: NotRequired[dict[str, Any] | None]  # content of shapes.yaml and surroundings.yaml
+    quiet_s: NotRequired[float]  # `admittance.quiet_s`, up to which `State.quiet_s` counts
 
 
 class Reply(TypedDict):

@@ -223,6 +223,8 @@ def _words(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
             return ", ".join(f"`{member.value}`" for member in kind.cls)
         case types.UnionType():
             return ", ".join(_words(p) for p in kind.types if not isinstance(p, types.NoneType))
+        case types.Metadata():
+            return f"{_words(kind.type)} {kind.extra['unit']}"
         case types.ListType() | types.VarTupleType():
             return f"list of {_words(kind.item_type)}"
         case types.DictType():

@@ -30,11 +30,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(
-        cls,
-        mass: float,
-        com: Sequence[float],
-        name: str = "",
-        box: Sequence[float] | None = None,
+        cls, mass: float, com: Sequence[float], name: str = "", box: Sequence[float] | None = None
     ) -> Self:
         """Payload with these values. Raises ModelError for an invalid mass, a place far from the
         hand, or an invalid box."""

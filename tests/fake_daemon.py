@@ -107,6 +107,7 @@ def snapshot_at(tick: int) -> Snapshot:
         program="contactd 0.1.0",
         wrench_axes="l_wrist",
         wrench_point=[0.07, 0.0, 0.0],
+        quiet_s=2.0,
     )
 
 

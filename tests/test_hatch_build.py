@@ -68,6 +68,11 @@ def built(root: Path) -> Path:
     return root
 
 
+def put_headers(root: Path) -> None:
+    (root / "include").mkdir()
+    (root / "include" / "Python.h").touch()
+
+
 def edit(root: Path) -> None:
     with (root / "estimator" / "residual.py").open("a") as file:
         file.write("# edited")
@@ -122,9 +127,38 @@ def test_the_build_takes_away_what_is_compiled_no_more(without_headers: Path) ->
 def test_what_is_edited_while_it_is_compiled_is_stale(without_headers: Path, monkeypatch) -> None:
     root = built(without_headers)
     retype(root)
-    monkeypatch.setattr(hatch_build, "build", lambda *_: edit(root))
+    put_headers(root)
+    monkeypatch.setattr(hatch_build, "_compile", lambda *_: edit(root))
     assert hatch_build.main(root) == 0
     assert stale(root) == hatch_build.out_of_date(root) == ["estimator/residual"]
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_run_after_an_interruption_compiles_the_rest(
+    without_headers: Path, monkeypatch, capsys, live: bool
+) -> None:
+    root, made = built(without_headers), list[str]()
+    put_headers(root)
+    (root / RECORD).unlink()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: live, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+
+    def compile_one(*arguments: Any) -> None:
+        made.append(arguments[-1])
+        if len(made) == 9:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(hatch_build, "_compile", compile_one)
+    assert hatch_build.main(root) == 130
+    left = modules(root)[8:]
+    assert hatch_build.out_of_date(root) == left
+    assert f"interrupted; the next run compiles the other {len(left)}" in capsys.readouterr().err
+    made[:] = [""] * 9
+    assert hatch_build.main(root) == 0
+    assert (made[9:], hatch_build.out_of_date(root)) == (left, [])
+    said, last = capsys.readouterr().err, f"{len(left)} of {len(left)} modules compiled"
+    assert said.endswith(f"contactd: {last}" + "\r" * live + "\n")
+    assert said.count("\n") == (2 if live else 5)
 
 
 def test_another_compiler_builds_all_anew(without_headers: Path, monkeypatch) -> None:

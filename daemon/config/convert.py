@@ -53,10 +53,13 @@ def convert(source: Source, kind: type[T]) -> T:
             message = f"unknown key `{unknown.group(1)}` (allowed: {', '.join(known)})"
         else:
             line = source.line(keys)
-            message = _plain(message)
+            message, node = _plain(message), _type_at(kind, keys, source.data)
             if of_a_key:
                 message += " as a key"
-            if choices := _choices_of(_type_at(kind, keys, source.data), of_a_key):
+            unit = (getattr(node, "extra", None) or {}).get("unit")
+            if unit and message[-1].isdigit():  # a bound
+                message += f" {unit}"
+            if choices := _choices_of(node, of_a_key):
                 allowed = ", ".join(choices)
                 if message.startswith(_NO_CHOICE):
                     one = "one of " if len(choices) > 1 else ""
@@ -167,6 +170,8 @@ def _type_at(kind: Any, keys: list[str | int], data: Any = None) -> Any:
             node = node.value_type
         elif isinstance(node, (msgspec.inspect.ListType, msgspec.inspect.VarTupleType)):
             node = node.item_type
+        elif isinstance(node, msgspec.inspect.TupleType) and isinstance(key, int):
+            node = node.item_types[key]
         data = _walk([key], data)
     return _struct_of(node, data)
 

@@ -18,7 +18,7 @@ from common.errors import ConfigurationError
 from daemon.config.marks import Dependence
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, PayloadEntry
-from drivers.settings import Name, Settings, Sign
+from drivers.settings import RAD, Name, Settings, Sign
 from drivers.wiring import Harmonic, JointWiring
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Coordinate, Mass
@@ -82,7 +82,7 @@ class GapEntry(Entry, frozen=True):
 
     depends = Dependence.WIRING
 
-    half_gap: Annotated[float, Meta(ge=0, le=0.5)]
+    half_gap: Annotated[float, Meta(ge=0, le=0.5, extra=RAD)]
     confidence: NotNegative
     skew_ms: float | None = None
 

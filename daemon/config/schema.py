@@ -13,7 +13,7 @@ from drivers.can.load import FrameLoad
 from drivers.can.settings import BusSettings
 from drivers.drive import Drive
 from drivers.makes import DriveProfile, Make, make_of
-from drivers.settings import Name, Settings
+from drivers.settings import RAD, RAD_S, RAD_S2, Name, Settings
 from drivers.wiring import JointWiring
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Coordinate, Edge, Mass
@@ -23,7 +23,7 @@ from estimator.thresholds import LEAST_SHARE
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Ticks = Annotated[int, Meta(ge=1, le=1000)]
-Speed = Annotated[float, Meta(gt=0, le=2)]  # [rad/s]
+Speed = Annotated[float, Meta(gt=0, le=2, extra=RAD_S)]
 LoadShare = Annotated[float, Meta(ge=0, le=0.5)]
 VirtualMass = Annotated[float, Meta(ge=0, le=1)]  # time constant of the velocity; 0 is none [s]
 
@@ -75,8 +75,8 @@ class JointLimits(Settings, frozen=True):
 
     lower: float  # [rad]
     upper: float  # [rad]
-    velocity: Annotated[float, Meta(gt=0, le=20)]  # [rad/s]
-    acceleration: Annotated[float, Meta(gt=0, le=500)]  # [rad/s2]
+    velocity: Annotated[float, Meta(gt=0, le=20, extra=RAD_S)]
+    acceleration: Annotated[float, Meta(gt=0, le=500, extra=RAD_S2)]
     quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
 
 
@@ -91,7 +91,7 @@ class Joint(Settings, frozen=True):
     wiring: JointWiring
     torque_constant: Positive  # K_c [Nm at the link per A of motor current]
     rotor_inertia: NotNegative  # B, reflected to the link [kg m2]
-    half_gap: Annotated[float, Meta(ge=0, le=0.5)]  # alpha [rad]
+    half_gap: Annotated[float, Meta(ge=0, le=0.5, extra=RAD)]  # alpha
     friction: Friction
     thresholds: Levels
     limits: JointLimits
@@ -132,15 +132,15 @@ class Admittance(Settings, frozen=True):
 
     quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0  # without a contact, before resuming
     virtual_mass_s: VirtualMass = 0.05  # time constant of the velocity; 0 is none [s]
-    velocity: Speed = 0.5  # [rad/s]
+    velocity: Speed = 0.5
     max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
-    max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # of all contacts since `arm` [rad]
+    max_excursion: Annotated[float, Meta(gt=0, le=6.3, extra=RAD)] = 1.5  # all contacts since `arm`
     after_quiet: AfterQuiet = AfterQuiet.RESUME  # continuation of an interrupted trajectory
     # before resuming, swing by some 2 mm to detect a resting hand; not with quiet_s below 1.9
     probe: bool = True
     # less effort for a leading hand; a load or a cable that pulls also moves the arm further
     assist: bool = False
-    return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
+    return_velocity: Speed = 0.2  # with `after_quiet: return`
     # of the guide: its axes are those of the `tool`, of the `base`, or of a link of the URDF
     frame: Frame = TOOL
     free: Axes = ()  # default of axes not named; without held or damped axes there is no guide
@@ -156,16 +156,16 @@ class ReactionSettings(Settings, frozen=True):
 
     contact: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.contact`
     collision: ContactReaction = ContactReaction.RELEASE  # beyond `thresholds.collision`
-    retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
-    retract_velocity: Speed = 0.4  # [rad/s]
-    release_distance: Annotated[float, Meta(gt=0, le=1)] = 0.3  # of each joint at most [rad]
-    release_velocity: Annotated[float, Meta(gt=0, le=0.5)] = 0.32  # of each joint [rad/s]
+    retract_distance: Annotated[float, Meta(gt=0, le=1, extra=RAD)] = 0.15  # of the furthest joint
+    retract_velocity: Speed = 0.4
+    release_distance: Annotated[float, Meta(gt=0, le=1, extra=RAD)] = 0.3  # of each joint at most
+    release_velocity: Annotated[float, Meta(gt=0, le=0.5, extra=RAD_S)] = 0.32  # of each joint
 
 
 class Sinusoid(Settings, frozen=True):
     """Motion q = q0 + amplitude * sin(2 pi frequency t) around the position q0 at its start."""
 
-    amplitude: Annotated[float, Meta(gt=0, le=3.2)]  # [rad]
+    amplitude: Annotated[float, Meta(gt=0, le=3.2, extra=RAD)]
     frequency_Hz: Annotated[float, Meta(gt=0, le=5)]
 
 
@@ -183,8 +183,8 @@ class Stream(Settings, frozen=True):
 
     # After a contact: `hold` waits until the stream is near, or is requested again.
     after_contact: AfterContact = AfterContact.HOLD
-    reach: Annotated[float, Meta(gt=0, le=3.2)] = 0.5  # largest accepted distance of a target [rad]
-    join_velocity: Speed = 0.2  # of the approach to the stream [rad/s]
+    reach: Annotated[float, Meta(gt=0, le=3.2, extra=RAD)] = 0.5  # accepted distance of targets
+    join_velocity: Speed = 0.2  # of the approach to the stream
 
 
 class FaultSettings(Settings, frozen=True):
@@ -199,7 +199,7 @@ class FaultSettings(Settings, frozen=True):
     stop_timeout_s: Annotated[float, Meta(gt=0, le=25)] = 3.0
     saturated_ticks: Ticks = 20  # consecutive ticks at the current limit
     # Margins by which a plausible measurement may exceed the joint's own capability.
-    position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, gear bending, push [rad]
+    position_margin: Annotated[float, Meta(gt=0, le=0.5, extra=RAD)] = 0.05  # noise, bending, push
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
     # Largest deviation of a motor's speed from its setpoints, over limits.velocity, while its
     # current does not push it there. More for a soft velocity loop (porting.md, step 8); 10: never.
@@ -223,7 +223,7 @@ class PayloadEntry(Settings, frozen=True):
     box: tuple[Edge, Edge, Edge] | None = None
 
 
-JointPosition = Annotated[float, Meta(ge=-100, le=100)]  # of a link [rad]
+JointPosition = Annotated[float, Meta(ge=-100, le=100, extra=RAD)]  # of a link
 Pose = Annotated[dict[Name, JointPosition], Meta(min_length=1)]
 """Positions by joint [rad]; joints not named stay where they are."""
 

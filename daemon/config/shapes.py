@@ -19,7 +19,7 @@ from msgspec import Meta
 from common.errors import ConfigurationError
 from common.yaml_source import read_yaml
 from daemon.config.convert import convert
-from drivers.settings import Name, Settings
+from drivers.settings import RAD, Name, Settings
 from estimator.clearance import Clearance
 from estimator.dynamics import Body
 from estimator.shapes import Box, Capsule, Plane
@@ -42,7 +42,7 @@ HEAD: Final = (
 Number = Annotated[float, Meta(ge=-100, le=100)]
 Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
-Angle = Annotated[float, Meta(ge=-7, le=7)]  # a full turn; more is likely in degrees
+Angle = Annotated[float, Meta(ge=-7, le=7, extra=RAD)]  # a full turn; more is likely in degrees
 
 
 class _Part(Settings, frozen=True):

@@ -194,3 +194,4 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is ...
     wrench_point: list[float] = []  # ... and where in that link's frame, x y z [m]
     walls: dict[str, Any] | None = None  # content of shapes.yaml and surroundings.yaml
+    quiet_s: float = 0.0  # `admittance.quiet_s`, up to which `State.quiet_s` counts

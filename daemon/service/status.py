@@ -214,4 +214,5 @@ def context_of(robot: Robot) -> Snapshot:
         wrench_axes=c.estimator.force_at or robot.model.hand,
         wrench_point=[0.0] * 3 if c.estimator.force_at else robot.model.tool_place.tolist(),
         walls=to_builtins(robot.walls),
+        quiet_s=c.admittance.quiet_s,
     )

@@ -112,7 +112,8 @@ class Tick:
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
         losses = self.losses.step(samples.came, complete=complete)
-        learned = self.learning_notices.step(led=mode in YIELDING) if mode in SENSING else ()
+        news, senses = self.learning_notices, mode in SENSING
+        learned = news.step(time_s, led=mode in YIELDING) if senses else ()
         others = (*losses, *loads, *learned)
         self.last = TickRecord(
             number=self.number,

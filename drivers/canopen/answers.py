@@ -15,10 +15,7 @@ class Answers:
     """Receiver of TPDOs that produces the samples of each tick."""
 
     def __init__(
-        self,
-        drives: Sequence[CanopenDrive],
-        report: Callable[[Fact], None],
-        period_s: float,
+        self, drives: Sequence[CanopenDrive], report: Callable[[Fact], None], period_s: float
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._report = report

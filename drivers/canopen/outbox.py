@@ -21,11 +21,7 @@ class Outbox:
     """Writer of one wire, with the outgoing frames of an arm."""
 
     def __init__(
-        self,
-        wire: Wire,
-        drives: Sequence[CanopenDrive],
-        master_node: int,
-        report: Report,
+        self, wire: Wire, drives: Sequence[CanopenDrive], master_node: int, report: Report
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self.setpoints = Setpoints(drives)

@@ -91,11 +91,7 @@ class Stops:
         return self._requests([PowerTarget.QUICK_STOP] * len(self._watches))
 
     def step(
-        self,
-        now: float,
-        targets: Sequence[PowerTarget],
-        samples: Samples,
-        reached: Sequence[bool],
+        self, now: float, targets: Sequence[PowerTarget], samples: Samples, reached: Sequence[bool]
     ) -> tuple[list[Frame], Sequence[Fact]]:
         """Supervise every drive commanded to stop, by its samples and status; `reached`: True if
         setpoints are sent to it."""

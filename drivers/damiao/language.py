@@ -25,14 +25,7 @@ from drivers.damiao.frames import (
 )
 from drivers.damiao.frames import Status as Code
 from drivers.damiao.settings import DamiaoDrive
-from drivers.motors.language import (
-    UNREPORTED,
-    Feedback,
-    Language,
-    Output,
-    State,
-    Status,
-)
+from drivers.motors.language import UNREPORTED, Feedback, Language, Output, State, Status
 
 _WORDS: Final = {
     Code.DISABLED: "disabled",

@@ -6,10 +6,12 @@ import { MODES, clock, notSensing, duration, felt, next } from "./words.js";
 
 export class Header {
   #words = null; #advice = null; #left_s = NaN; #wall_s = NaN; #stale = true; #tick = null; #joints = [];
+  #quiet_s = 0;
 
-  /** Start with an arm that has these joints. */
-  begin(joints) {
+  /** Start with an arm that has these joints, and goes on after quiet_s without contact. */
+  begin({ joints, quiet_s }) {
     this.#joints = joints;
+    this.#quiet_s = quiet_s;
     this.#tick = null;
   }
 
@@ -84,7 +86,7 @@ export class Header {
       say(permit, armed ? `was armed${by}` : "was not armed");
       return;
     }
-    const hint = this.#tick ? next(words.mode, this.#tick.moving, this.#tick.quiet_s) : "";
+    const hint = this.#tick ? next(words.mode, this.#tick.moving, this.#quiet_s - this.#tick.quiet_s) : "";
     const after = hint ? ` · ${hint}` : "";
     if (!armed) {
       say(permit, `not armed${after}`);

@@ -87,7 +87,7 @@ function begin(message) {
   loop.begin(hello);
   if (same) return;
   newest = drawn = null;
-  header.begin(hello.joints);
+  header.begin(hello);
   joints.begin(hello);
   scene?.begin(hello);
   show(at("shapes"), scene !== null && Boolean(hello.walls));

@@ -16,10 +16,10 @@ export const MODES = {
 
 const GUIDED = new Set(["admittance", "retracting"]);
 
-/** Text on what happens after this mode; empty if that is obvious. */
-export function next(mode, moving, quiet_s) {
+/** Text on what happens in left_s, without contact; empty if that is obvious. */
+export function next(mode, moving, left_s) {
   if (!GUIDED.has(mode)) return "";
-  return `quiet for ${quiet_s.toFixed(1)} s, then it ${moving ? "continues" : "holds"}`;
+  return `${moving ? "continues" : "holds"} in ${Math.max(left_s, 0).toFixed(1)} s if untouched`;
 }
 
 /** Whether joint i detects contact beyond its level. A joint that is not sensing does not, whatever its last

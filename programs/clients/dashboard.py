@@ -112,7 +112,7 @@ class Dashboard:
     ) -> Iterator[RenderableType]:
         wide = options.max_width >= WIDE
         state = self.state
-        yield _headline(state, stale=self.silent_s >= SHOWN_SILENCE_S)
+        yield _headline(state, self.snapshot.quiet_s, stale=self.silent_s >= SHOWN_SILENCE_S)
         doubts = [
             self._not_live(),
             self._lagging(),
@@ -239,7 +239,7 @@ def last_known(state: State) -> str:
     return f"{text}; use the emergency stop if the arm moves"
 
 
-def _headline(state: State, *, stale: bool) -> Text:
+def _headline(state: State, quiet_s: float, *, stale: bool) -> Text:
     line = Text(no_wrap=True, overflow="crop")
     if stale:
         line.append(f" was {state.mode.upper()} ", "white on grey30")
@@ -250,10 +250,11 @@ def _headline(state: State, *, stale: bool) -> Text:
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
     line.append(f"   {clock(state.time_s)}   tick {state.tick}")
     if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
-        then = "then it continues" if state.moving else "then it holds"
+        then = "continues" if state.moving else "holds"
         if state.moving and state.stream is not None:
-            then = f"then it {AFTER_CONTACT[state.stream.after_contact]}"
-        line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
+            then = AFTER_CONTACT[state.stream.after_contact]
+        left_s = max(quiet_s - state.quiet_s, 0.0)
+        line.append(f"   {then} in {left_s:.1f} s if untouched", "bright_cyan")
     elif state.mode == Mode.RETURNING:
         line.append("   returns to its trajectory", "bright_cyan")
     elif state.moving:

@@ -122,16 +122,18 @@ def json_option(callback: Any = None) -> click.Option:
     )
 
 
-class InOrder(click.Group):
-    """Group that lists its commands in the order of definition, which is that of use."""
+class Listing(click.Group):
+    """Group whose --help shows the whole first sentence of each command, which click would cut, and
+    that lists its commands if one is unknown."""
 
-    command_class = Signed
     others = ""
     """End of the message that lists the commands, on commands of another program."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Commands in the order of their definition."""
-        return list(self.commands)
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands."""
+        commands = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, c.get_short_help_str(999)) for name, c in commands if c])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Resolve the first argument as a command. Raises UsageError that lists all commands."""
@@ -139,6 +141,16 @@ class InOrder(click.Group):
             known = ", ".join(self.list_commands(ctx))
             raise click.UsageError(f"no command {args[0]!r}; there are: {known}{self.others}", ctx)
         return super().resolve_command(ctx, args)
+
+
+class InOrder(Listing):
+    """Group that lists its commands in the order of definition, which is that of use."""
+
+    command_class = Signed
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Commands in the order of their definition."""
+        return list(self.commands)
 
 
 class Group(InOrder):
@@ -183,6 +195,6 @@ class Range(click.FloatRange):
             number = float(value)
         except ValueError:
             self.fail(f"{value!r} is not a number.", param, ctx)
-        if math.isnan(number):
+        if math.isnan(number) and (self.min is not None or self.max is not None):
             self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)
         return super().convert(value, param, ctx)

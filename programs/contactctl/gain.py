@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from programs.command_line.options import Command, Options
+from programs.command_line.options import Command, Options, Range
 from programs.command_line.sentences import aligned, say
 from programs.contactctl.replies import answer, print_json
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=Command, context_settings={"ignore_unknown_options": True})  # -0.1 is no option
 @click.argument("joint", required=False)
-@click.argument("value", type=float, required=False)
+@click.argument("value", type=Range(), required=False)
 @click.option("--balance", is_flag=True, help="Propose gains with which all joints yield equally.")
 @click.option("--apply", is_flag=True, help="With --balance: apply the proposed gains.")
 @click.pass_obj
@@ -63,7 +63,7 @@ def show(options: Options, joint: str | None) -> None:
         print_json(shown)
         return
     for name, k in shown.items():
-        click.echo(f"{name:16} {k:g}")
+        click.echo(f"{name:16} {k:<5g} rad/s per Nm")
 
 
 def change(options: Options, joint: str, value: float) -> None:
@@ -196,6 +196,7 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     return "\n".join(
         [
             *aligned(table, numbers=True),
+            "K_a in rad/s per Nm; then: as proposed.",
             f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, 5th to 95th percentile over "
             "500 poses within the limits.",
             "Rest: force that moves a joint from rest, by its level and friction, which no gain "

@@ -16,6 +16,7 @@ import click
 from common.errors import HungUpError, UnreachableError
 from common.new_file import refuse_suffix
 from contactd_client.connection import ANSWER_S
+from daemon.modes.table import SENSING
 from programs.command_line.options import PATH, Command, Options, Range
 from programs.contactctl.replies import print_json
 
@@ -52,8 +53,11 @@ def watch(options: Options) -> None:
 @click.argument("file", type=PATH, metavar="[FILE.mcap]", required=False)
 @click.pass_obj
 def touches(options: Options, file: Path | None) -> None:
-    """Print each contact when it has ended, until Ctrl-C, or the contacts of a recording: touched,
-    pushed, hit, clamped, leaning or load, with evidence, place on the arm, and strength."""
+    """Print each contact when it has ended, until Ctrl-C, or the contacts of a recording.
+
+    Each is touched, pushed, hit, clamped, leaning or load, with evidence, place on the arm, and
+    strength.
+    """
     from programs.clients.log_reader import read_log
     from programs.recordings.touches import contacts
 
@@ -61,7 +65,10 @@ def touches(options: Options, file: Path | None) -> None:
         with options.connect() as client:
             snapshot, states = client.subscribe()
             yield snapshot
-            yield from states
+            for n, state in enumerate(states):
+                if n == 0 and state.mode in SENSING and any(state.thresholded) and not options.json:
+                    click.echo("a contact is present already: it counts from now", err=True)
+                yield state
 
     if not options.json and file is None:
         click.echo("contacts are printed when they have ended; Ctrl-C quits", err=True)

@@ -75,7 +75,7 @@ def _record_lead(options: Options, file: Path) -> None:
     with options.connect() as client:
         if not client.ask_status().armed:
             raise click.UsageError(f"no {file} to repeat; to record a lead, `contactctl arm` first")
-    say("lead the arm; the recording ends when it holds again", err=True)
+    say("lead the arm; the recording ends when it holds or continues", err=True)
     made = record_trajectory(options.connect, file, until=over)
     say(f"{file}: {made}", err=True)
 

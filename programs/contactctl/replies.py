@@ -140,7 +140,7 @@ def answer(options: Options, reply: "Reply") -> None:
             from programs.clients.sensitivity import sensitivity_lines
 
             say("\n".join(sensitivity_lines(reply.sensitivity)))
-        said = reply.message or (str(reply.mode) if reply.ok else "refused")
+        said = _named(reply.message) or (str(reply.mode) if reply.ok else "refused")
         say(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
         for warning in reply.warnings:
             say(f"  warning: {warning}", err=True)
@@ -149,6 +149,14 @@ def answer(options: Options, reply: "Reply") -> None:
             say(f"  - {reason}", err=True)
     if not reply.ok:
         sys.exit(1)
+
+
+def _named(message: str) -> str:
+    """Message with the command that was typed instead of a request that it sent: `home` sends `go`,
+    `playback` also `start`."""
+    request, _, text = message.partition(": ")
+    typed = click.get_current_context().info_name
+    return f"{typed}: {text}" if request in ("go", "start") and text else message
 
 
 def wait_for(

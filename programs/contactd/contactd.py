@@ -12,7 +12,7 @@ import click
 from common.compiled import refuse_stale
 from common.errors import ContactdError, LogError, ProgramError
 from common.numeric_threads import single_threaded
-from programs.command_line.options import PATH, SOCKET, Range
+from programs.command_line.options import PATH, SOCKET, Listing, Range
 from programs.command_line.sentences import could_not_say, read_to_the_end, say
 from programs.contactd import recordings
 from programs.contactd.fleet import fleet
@@ -30,9 +30,11 @@ PORT = click.option(
 )
 
 
-class _Group(click.Group):
+class _Group(Listing):
     """Command group that reports a ContactdError as a message on stderr with its exit status, and
     any other exception as a traceback with the exit status of a program error."""
+
+    others = "; enable, arm, start, status and more are commands of `contactctl`"
 
     def invoke(self, ctx: click.Context) -> Any:
         single_threaded()  # must precede the import of numpy
@@ -114,9 +116,12 @@ def guard(config: Path, port: int | None) -> None:
     help="Explain a field instead: its meaning, how to find it, and typical values.",
 )
 def check(config: Path | None, field: str | None) -> None:
-    """Check a configuration and print what follows from it: quantities, PDOs, bus load, gravity
-    loads, the stopping travel of each joint if its drive or the daemon fails, the smallest force
-    that is detected, values near their bounds, likely mistakes, and why `arm` would be refused."""
+    """Check a configuration and print what follows from it.
+
+    That is: quantities, PDOs, bus load, gravity loads, the stopping travel of each joint if its
+    drive or the daemon fails, the smallest force that is detected, values near their bounds, likely
+    mistakes, and why `arm` would be refused.
+    """
     from programs.contactd.check import print_check, print_explanation
 
     if field is not None:

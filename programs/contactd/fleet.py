@@ -76,10 +76,7 @@ def _with_supervisor(
 
 def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
     """Listen until each arm has reported, and print a line for each; 69 if there is none."""
-    until_s = time.monotonic() + HELD_UP_S
-    time.sleep(LISTEN_S)
-    while _awaited(arms := supervisor.arms()) and time.monotonic() < until_s:
-        time.sleep(FRAME_S)
+    arms = reported(supervisor.arms, time.monotonic, time.sleep)
     if as_json:
         print_json([_row(arm, time.monotonic()) for arm in arms])
     elif arms:
@@ -91,9 +88,15 @@ def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
     return 0 if arms else UnreachableError.exit_code
 
 
-def _awaited(arms: Sequence["Arm"]) -> bool:
-    """True while an arm that is alive has not reported yet."""
-    return any(arm.alive and not arm.mode for arm in arms)
+def reported(
+    arms: Callable[[], Sequence["Arm"]], now_s: Callable[[], float], sleep: Callable[[float], None]
+) -> Sequence["Arm"]:
+    """Arms found, once each that is alive has reported, or HELD_UP_S have passed on the clock."""
+    until_s = now_s() + HELD_UP_S
+    sleep(LISTEN_S)
+    while any(arm.alive and not arm.mode for arm in arms()) and now_s() < until_s:
+        sleep(FRAME_S)
+    return arms()
 
 
 def _watch(supervisor: "Supervisor") -> int:

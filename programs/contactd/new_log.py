@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
 import click
 import numpy as np
@@ -53,15 +54,17 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
     click.echo(f"wrote {folder / 'config.yaml'}: {guesses(draft)} lines with CHECK hold guesses")
     for change in changes:
         say(f"{folder / urdf.name}: {change}")
-    all_of = " ".join(f"--log {log}" for log in logs)
+    arm, first, *others = (quote(str(path)) for path in (folder, *logs))
     steps = ["masses", "friction", "thresholds"]
     if "half_gap: 0.002" in draft:
         steps.insert(0, "gap")
-    also = ", without logs in which the arm is touched" if len(logs) > 1 else ""
+    also = ", and --log LOG added for other logs without a touch" if others else ""
     click.echo(f"next, once columns and constants are right{also}:")
     for step in steps:
-        click.echo(f"  contactd identify {step} --config {folder} {all_of}")
-    click.echo(f"  contactd plot {logs[0]} --config {folder}")
+        click.echo(f"  contactd identify {step} --config {arm} --log {first}")
+    click.echo(f"  contactd plot {first} --config {arm}")
+    for other in others:
+        click.echo(f"  contactd replay {other} --config {arm}")
 
 
 def _write(

@@ -58,6 +58,6 @@ def _command(step: Step) -> click.Command:
     return click.command(step.name, help=step.run.__doc__)(call)
 
 
-identify.add_command(wrench)
 for _step in STEPS.values():
     identify.add_command(_command(_step))
+identify.add_command(wrench)

@@ -14,7 +14,7 @@ from typing import Self
 import click
 from rich.console import Console
 
-from common.errors import ConfigurationError, ControlError, LogError
+from common.errors import ConfigurationError, ContactdError, ControlError, LogError
 from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot, refuse_unreadable
@@ -57,17 +57,18 @@ class Identification:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: object
     ) -> None:
-        """List what was written, also if a step was interrupted, and close the arm. Adds the names
-        of the logs to a LogError that contains none."""
+        """List what was written, also if a step was interrupted or, after the reason, failed, and
+        close the arm. Adds the names of the logs to a LogError that contains none."""
         if kind is click.Abort:
             self.show("")  # ends the line of a question at which Ctrl-C was pressed
         path = self.robot.folder / self.robot.configuration.identified
-        if self._written:
-            self.show(f"written to {path}: {', '.join(self._written)}")
-            if self.missed:
-                self.show(f"not written: {', '.join(self.missed)}")
+        found = f"written to {path}: {', '.join(self._written)}"
+        found += f"\nnot written: {', '.join(self.missed)}" if self.missed else ""
+        found = found if self._written else f"nothing written to {path}"
+        if isinstance(error, ContactdError):
+            error.args = (f"{error}\n{found}",)
         else:
-            self.show(f"nothing written to {path}")
+            self.show(found)
         well = kind is None or issubclass(kind, SystemExit)
         if self.arm is not None:
             self.arm.close(well=well, written=bool(self._written))

@@ -36,6 +36,7 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
     force_axes: str  # URDF link in whose frame each `Force` is given
     force_point: list[float]  # point in that frame on which it acts [m]
     walls: dict[str, Any] | None  # shapes and surroundings, as in their files
+    quiet_s: float  # without contact until the arm continues or holds
 
 
 class Force(msgspec.Struct, frozen=True):
@@ -201,6 +202,7 @@ def hello(
         force_axes=s.wrench_axes if s else "",
         force_point=s.wrench_point if s else [],
         walls=s.walls if s else None,
+        quiet_s=s.quiet_s if s else 0.0,
     )
 
 

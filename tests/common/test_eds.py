@@ -22,21 +22,14 @@ def one(text: str) -> EdsObject:
 @pytest.mark.parametrize(
     ("line", "default", "relative"),
     [
-        ("", None, False),
-        ("DefaultValue=", None, False),
-        ("DefaultValue=128", 128, False),
-        ("defaultvalue = 0X80 ; of SYNC", 128, False),
-        ("DefaultValue=0080", 80, False),
-        ("DefaultValue=0x80UL", 128, False),
-        ("DefaultValue=-1", 0xFFFFFFFF, False),
-        ("DefaultValue=$NODEID+0x80", 128, True),
-        ("DefaultValue=$NodeID + 0x80", 128, True),
-        ("DefaultValue=0x80+$NODEID", 128, True),
-        ("DefaultValue=$NODEID", 0, True),
-        ("DefaultValue=see manual", None, False),
-        ("DefaultValue=0x1FFFFFFFF", None, False),
+        ("", None, False), ("DefaultValue=", None, False), ("DefaultValue=128", 128, False),
+        ("defaultvalue = 0X80 ; of SYNC", 128, False), ("DefaultValue=0080", 80, False),
+        ("DefaultValue=0x80UL", 128, False), ("DefaultValue=-1", 0xFFFFFFFF, False),
+        ("DefaultValue=$NODEID+0x80", 128, True), ("DefaultValue=$NodeID + 0x80", 128, True),
+        ("DefaultValue=0x80+$NODEID", 128, True), ("DefaultValue=$NODEID", 0, True),
+        ("DefaultValue=see manual", None, False), ("DefaultValue=0x1FFFFFFFF", None, False),
     ],
-)
+)  # fmt: skip
 def test_numbers_as_makers_write_them(line, default, relative):
     found = one(f"[2000]\nParameterName=x\nDataType=0x7\nAccessType=rw\n{line}\n")
     assert (found.default, found.relative) == (default, relative)

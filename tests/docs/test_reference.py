@@ -71,7 +71,7 @@ def test_every_key_and_every_link_is_there(reference: ModuleType) -> None:
     assert re.findall(r"^\| \**`(\w+)`", section, re.MULTILINE) == list(
         JointLimits.__struct_fields__
     )
-    assert "| **`velocity`** | number (0, 20] | [rad/s] |" in section
+    assert "| **`velocity`** | number (0, 20] rad/s |  |" in section
     first = page.partition("## The file\n")[2].partition("\n## ")[0]
     assert re.findall(r"^\| \**`(\w+)`", first, re.MULTILINE) == list(
         Configuration.__struct_fields__

@@ -51,14 +51,9 @@ def kernel_of(modules: dict[str, ModuleType], like: Estimator) -> Any:
 def state(kernel: Any) -> bytes:
     levels = kernel.levels
     arrays = (
-        kernel.shown,
-        kernel.wrench.shown,
-        kernel.sensing,
-        levels.collision,
-        levels.above,
-        levels.share,
-        levels.crossing,
-    )
+        kernel.shown, kernel.wrench.shown, kernel.sensing, levels.collision, levels.above,
+        levels.share, levels.crossing,
+    )  # fmt: skip
     shown = b"".join(np.asarray(values).tobytes() for values in arrays)
     return shown + repr(memory.dump(kernel)).encode()
 

@@ -291,10 +291,7 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
     for modules in (built("estimator"), plain("estimator")):
         joint = Joint(modules["learning"].Learning(LEVELS, NONE, NONE))
         joint.swing(30.0, coulomb=1.3, viscous=0.7, noise=0.1)
-        names = (
-            *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
-            "unknown",
-        )
+        names = (*("covariance", "columns", "shares", "coulomb_left", "viscous_left"), "unknown")
         needed = ("squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s")
         state = {name: np.asarray(getattr(joint.learning, name)) for name in names}
         state |= {name: np.asarray(getattr(joint.learning.needed, name)) for name in needed}

@@ -10,20 +10,12 @@ from estimator.transmission import penetration, resting, smooth_sign
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("torque_constant", 0.0),
-        ("torque_constant", np.inf),
-        ("rotor_inertia", -0.1),
-        ("half_gap", np.nan),
-        ("half_gap", -0.001),
-        ("motor_coulomb", -1.0),
-        ("motor_viscous", -1.0),
-        ("link_coulomb", -1.0),
-        ("link_viscous", np.inf),
-        ("gap_coulomb", -1.0),
-        ("gap_viscous", -1.0),
-        ("contact_stiffness", np.nan),
+        ("torque_constant", 0.0), ("torque_constant", np.inf), ("rotor_inertia", -0.1),
+        ("half_gap", np.nan), ("half_gap", -0.001), ("motor_coulomb", -1.0),
+        ("motor_viscous", -1.0), ("link_coulomb", -1.0), ("link_viscous", np.inf),
+        ("gap_coulomb", -1.0), ("gap_viscous", -1.0), ("contact_stiffness", np.nan),
     ],
-)
+)  # fmt: skip
 def test_a_bad_number_names_field_and_joint(make_transmission, field: str, value: float) -> None:
     values = np.ones(7)
     values[3] = value

@@ -96,11 +96,7 @@ def one_off(values: np.ndarray, by: float) -> np.ndarray:
     ("change", "column", "said"),
     [
         (lambda q: one_off(q, 1e6), "link", r"jumps by 1e\+06 rad at 4 s and back: a bad sample"),
-        (
-            lambda q: one_off(q, 1.0),
-            "link",
-            r"jumps by 1 rad at 4 s and back: a bad sample",
-        ),
+        (lambda q: one_off(q, 1.0), "link", r"jumps by 1 rad at 4 s and back: a bad sample"),
         (lambda q: one_off(q, 0.2), "motor", r"jumps by 0.2 rad at 4 s and back: a bad sample"),
         (lambda q: (q + 6.2) % (2.0 * np.pi), "link", r"jumps by 6.28.*5 times more: .* wraps"),
         (lambda q: (q + 0.9) % 1.0, "link", r"jumps by 1 rad .*: an encoder that wraps"),

@@ -76,14 +76,10 @@ def test_setpoints_are_needed():
 @pytest.mark.parametrize(
     ("ratio", "error", "problems", "notes"),
     [
-        (1.0, 0.02, 0, 0),
-        (0.88, 0.03, 0, 0),
-        (14 / 17, 0.06, 1, 0),
-        (17 / 14, 0.06, 1, 0),
-        (0.6, 0.07, 0, 1),
-        (np.nan, np.inf, 0, 1),
+        (1.0, 0.02, 0, 0), (0.88, 0.03, 0, 0), (14 / 17, 0.06, 1, 0), (17 / 14, 0.06, 1, 0),
+        (0.6, 0.07, 0, 1), (np.nan, np.inf, 0, 1),
     ],
-)
+)  # fmt: skip
 def test_a_range_is_wrong_right_or_not_checked(ratio, error, problems, notes):
     found = with_torque_range(WiringResult(joint="upright", problems=()), ratio, error)
     assert (len(found.problems), len(found.notes)) == (problems, notes)

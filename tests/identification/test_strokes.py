@@ -347,18 +347,12 @@ def test_a_motor_that_warms_hides_nothing_of_what_a_soft_gear_bends(alpha, warms
 @pytest.mark.parametrize(
     "spoil",
     [
-        {"step": 0.002},
-        {"step": 2.0 * np.pi / 4096.0},
-        {"late": 0.05},
-        {"T": 0.06},
-        {"T": 0.1},
-        {"turned": 0.0},
-        {"turned": -1.0},
-        {"turned": 0.0, "gear": 300.0, "link": 3.0},
+        {"step": 0.002}, {"step": 2.0 * np.pi / 4096.0}, {"late": 0.05}, {"T": 0.06}, {"T": 0.1},
+        {"turned": 0.0}, {"turned": -1.0}, {"turned": 0.0, "gear": 300.0, "link": 3.0},
         {"turned": -1.0, "gear": 300.0, "link": 3.0},
     ],
     ids=str,
-)
+)  # fmt: skip
 def test_what_spoils_a_log_makes_the_interval_wider_or_is_refused(alpha, spoil):
     """Encoders of coarse steps, a current that comes late, slow logs, no current, one of the other
     sign: what the gear bends is taken for gap, and no scatter shows it."""

@@ -19,12 +19,7 @@ from simulator.mismatch import PlantParameters
 FOLDER = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 COLUMNS: dict[str, list[Any]] = {
     "name": [
-        "LShoulderPitch",
-        "LShoulderYaw",
-        "LElbowRoll",
-        "LElbowYaw",
-        "LWristRoll",
-        "LWristYaw",
+        "LShoulderPitch", "LShoulderYaw", "LElbowRoll", "LElbowYaw", "LWristRoll", "LWristYaw",
         "LWristPitch",
     ],
     "node": [1, 2, 3, 4, 5, 6, 7],
@@ -41,7 +36,7 @@ COLUMNS: dict[str, list[Any]] = {
     "lower": [-1.44478, -0.430472, -2.0944, -1.5708, -3.66519, -0.436332, -0.977384],
     "upper": [2.22041, 1.14032, 2.0944, 0.0, 0.523599, 0.436332, 0.977384],
     "initial_position": [0.0, 0.2, 0.0, -0.5, 0.0, 0.0, 0.0],
-}
+}  # fmt: skip
 SHUTDOWN, SWITCH_ON, ENABLE = 0x06, 0x07, 0x0F
 NOMINAL = Mismatch(
     mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0

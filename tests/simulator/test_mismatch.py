@@ -80,14 +80,10 @@ def test_the_urdf_must_be_the_described_chain(romeo: ArmDescription, tmp_path: P
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("gear", 0.0),
-        ("node", 128),
-        ("half_gap", -0.01),
-        ("rotor_inertia", 0.0),
-        ("initial_position", 9.0),
-        ("max_current_A", -1.0),
+        ("gear", 0.0), ("node", 128), ("half_gap", -0.01), ("rotor_inertia", 0.0),
+        ("initial_position", 9.0), ("max_current_A", -1.0),
     ],
-)
+)  # fmt: skip
 def test_a_senseless_joint_is_refused(romeo: ArmDescription, field: str, value: Any) -> None:
     with pytest.raises(ConfigurationError, match=f"LShoulderPitch: {field} = {value}"):
         replace(romeo.joints[0], **{field: value})

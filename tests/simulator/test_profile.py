@@ -33,10 +33,7 @@ def test_an_unknown_product_is_refused_and_not_simulated_as_another(tmp_path):
 
 @pytest.mark.parametrize(
     ("pattern", "new", "missing"),
-    [
-        (r"\[6085\].*?\n\n", "", "0x6085:00"),
-        (r"\[60E4sub1\].*?\n\n", "", "0x60E4:01"),
-    ],
+    [(r"\[6085\].*?\n\n", "", "0x6085:00"), (r"\[60E4sub1\].*?\n\n", "", "0x60E4:01")],
 )
 def test_what_cannot_be_simulated_is_named(tmp_path, pattern, new, missing):
     with pytest.raises(

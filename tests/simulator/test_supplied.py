@@ -23,19 +23,14 @@ def without_default(*sections: str) -> str:
 @pytest.mark.parametrize(
     ("section", "where", "value"),
     [
-        ("1000", key(0x1000), 0x00020192),
-        ("1018sub1", key(0x1018, 1), 0x00C0DAC7),
-        ("1018sub2", key(0x1018, 2), 0x402),
-        ("1005", key(0x1005), 0x80),
-        ("1014", key(0x1014), 0x80 + 3),
-        ("6502", key(0x6502), 0x100),
-        ("1400sub1", key(0x1400, 1), 0x200 + 3),
-        ("1801sub1", key(0x1801, 1), 0x280 + 3),
-        ("1801sub2", key(0x1801, 2), 255),
-        ("1A00sub0", key(0x1A00), 0),
+        ("1000", key(0x1000), 0x00020192), ("1018sub1", key(0x1018, 1), 0x00C0DAC7),
+        ("1018sub2", key(0x1018, 2), 0x402), ("1005", key(0x1005), 0x80),
+        ("1014", key(0x1014), 0x80 + 3), ("6502", key(0x6502), 0x100),
+        ("1400sub1", key(0x1400, 1), 0x200 + 3), ("1801sub1", key(0x1801, 1), 0x280 + 3),
+        ("1801sub2", key(0x1801, 2), 255), ("1A00sub0", key(0x1A00), 0),
         ("1A00sub1", key(0x1A00), 0),
     ],
-)
+)  # fmt: skip
 def test_a_value_that_the_eds_leaves_out(section, where, value, tmp_path):
     (tmp_path / "drive.eds").write_text(without_default(section))
     assert Objects(tmp_path / "drive.eds", 3).values[where] == value

@@ -131,16 +131,10 @@ def test_truth_is_taken_where_the_estimate_belongs() -> None:
 @pytest.mark.parametrize(
     ("t", "rate"),
     [
-        (0.0, 0.0),
-        (1.0, 0.5),
-        (2.0, 1.0),
-        (7.9, 1.0),
-        (9.0, 0.5),
-        (10.0, 0.0),
-        (12.9, 0.0),
+        (0.0, 0.0), (1.0, 0.5), (2.0, 1.0), (7.9, 1.0), (9.0, 0.5), (10.0, 0.0), (12.9, 0.0),
         (14, 0.5),
     ],
-)
+)  # fmt: skip
 def test_motion_starts_and_stops_softly(t: float, rate: float) -> None:
     one = np.ones(1)
     motion = Motion(home=one, amplitude=one, omega=one, phase=one, go_s=10.0, rest_s=3.0)

@@ -70,7 +70,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     ),
     "a half-gap below zero": (
         "half_gap: 0.018", "half_gap: -0.001", "half_gap: -0.001",
-        "joints[0] (LShoulderPitch).half_gap", ("must be a number of at least 0, not -0.001",),
+        "joints[0] (LShoulderPitch).half_gap", ("must be a number of at least 0 rad, not -0.001",),
     ),
     "an octal number of YAML 1.1": (
         "node: 7,", "node: 010,", "node: 010",

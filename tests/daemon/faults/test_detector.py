@@ -210,8 +210,7 @@ def test_an_arm_that_senses_nothing_somewhere_holds(
 
 
 @pytest.mark.parametrize(
-    ("pattern", "holds"),
-    [("l.", True), ("b.", True), ("lb.", True), ("l..", False), ("m.", False)],
+    ("pattern", "holds"), [("l.", True), ("b.", True), ("lb.", True), ("l..", False), ("m.", False)]
 )
 def test_late_answers_of_which_one_is_missing_are_late(
     detector: FaultDetector, pattern: str, holds: bool

@@ -247,14 +247,10 @@ class _Broken:
 @pytest.mark.parametrize(
     "where",
     [
-        "drives.sync",
-        "drives.collect",
-        "drives.command",
-        "estimator.step",
-        "controller.step",
+        "drives.sync", "drives.collect", "drives.command", "estimator.step", "controller.step",
         "_detector",
     ],
-)
+)  # fmt: skip
 def test_an_exception_anywhere_in_the_tick_stops_all_drives(
     own: BreakableArm, where: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

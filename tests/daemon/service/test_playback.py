@@ -66,6 +66,7 @@ def test_a_lead_is_repeated_by_one_command(
         left = _stands(served) if rig.mode is Mode.ADMITTANCE else left
         typed.join(0.0005)
     assert done[0].exit_code == 0, done[0].output
+    assert "the recording ends when it holds or continues" in done[0].stderr
     assert abs(left - begin) > 0.15
     assert _stands(served) == pytest.approx(begin, abs=0.03)
     kept = re.search(r"(\d+) of (\d+) samples, [\d.]+ s, at (\d+)% of its speed", done[0].stdout)
@@ -84,6 +85,10 @@ def test_a_lead_is_repeated_by_one_command(
     still = served.contactctl("playback", str(path), "--yes")
     assert still.exit_code == 65
     assert "delete the file to record a lead" in still.stderr
+    path.write_text("time_s,joint\n0,0.1\n1,0.2\n2,0.1\n")
+    assert served.contactctl("disable").exit_code == 0
+    off = served.contactctl("playback", str(path), "--yes")
+    assert off.stderr.startswith("contactctl: playback: refused\n")
 
 
 def _led(served: ServedDaemon, path: Path, torque: float) -> Recorded:

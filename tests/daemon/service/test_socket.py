@@ -64,16 +64,10 @@ def test_malformed_is_reported_and_the_connection_kept(
 @pytest.mark.parametrize(
     ("command", "done"),
     [
-        ("enable", False),
-        ("start", False),
-        ("arm", False),
-        ("stop", True),
-        ("disarm", True),
-        ("pause", True),
-        ("disable", True),
-        ("reset", True),
+        ("enable", False), ("start", False), ("arm", False), ("stop", True), ("disarm", True),
+        ("pause", True), ("disable", True), ("reset", True),
     ],
-)
+)  # fmt: skip
 def test_who_hung_up_can_stop_the_arm_and_not_let_it_move(
     control: ControlSocket, dial: Dial, command: str, done: bool
 ) -> None:

@@ -26,15 +26,9 @@ SYNC = 0x080
 # Where a plain drive goes by a controlword.
 STATUS = {0x00: 0x40, 0x06: 0x21, 0x07: 0x23, 0x0F: 0x27, 0x02: 0x07, 0x80: 0x40}
 COMMANDS = (
-    Event.ENABLE,
-    Event.START,
-    Event.PAUSE,
-    Event.ABANDON,
-    Event.STOP,
-    Event.DISARM,
-    Event.DISABLE,
+    Event.ENABLE, Event.START, Event.PAUSE, Event.ABANDON, Event.STOP, Event.DISARM, Event.DISABLE,
     Event.RESET,
-)
+)  # fmt: skip
 
 
 class FarDrive:

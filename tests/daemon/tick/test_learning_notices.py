@@ -1,6 +1,7 @@
 """News of what an arm learns of its friction, in lockstep."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,18 +40,40 @@ def test_friction_of_load_that_was_not_identified_is_said_once(
     assert ("LShoulderPitch" in load) == bool(times)
 
 
+def notices(load: np.ndarray, met: np.ndarray) -> LearningNotices:
+    estimator: Any = SimpleNamespace(
+        learned=lambda: SimpleNamespace(load=load.copy()), given_up=np.zeros(1), met=met,
+        transmission=SimpleNamespace(load_friction_error=np.zeros(1)), place=lambda i: 0.4,
+    )  # fmt: skip
+    return LearningNotices(estimator, ["a"])
+
+
 @pytest.mark.parametrize(("led", "news"), [((), 1), (range(200), 0), (range(30), 0), ((170,), 1)])
 def test_friction_of_load_that_a_hand_made_is_not_said(led: range, news: int) -> None:
     """0.18 of it are learned within the first 100 ticks."""
-    load, none = np.zeros(1), np.zeros(1, dtype=int)
-    estimator = SimpleNamespace(
-        learned=lambda: SimpleNamespace(load=load.copy()), given_up=none, met=none,
-        transmission=SimpleNamespace(load_friction_error=np.zeros(1)),
-    )  # fmt: skip
-    found = LearningNotices(estimator, ["a"])  # type: ignore[arg-type]
-    said = []
+    load, said = np.zeros(1), []
+    found = notices(load, np.zeros(1, dtype=int))
     for tick in range(4 * LOOKS_TICKS):
         load[0] = 0.18 * min(tick / (2 * LOOKS_TICKS), 1.0)
-        said += found.step(led=tick in led)
+        said += found.step(0.01 * tick, led=tick in led)
     assert len(said) == news
     assert bool(found.load) == bool(news)
+
+
+@pytest.mark.parametrize(
+    ("contacts_s", "led", "news"),
+    [
+        ((0.5, 1.0, 1.5, 2.0), lambda t: t < 4.0, 0),
+        ((0.5, 1.0, 1.5, 2.0), lambda t: False, 0),
+        ((0.5, 2.0, 3.5), lambda t: False, 1),
+        ((0.5, 1.0, 1.5), lambda t: t % 0.5 > 0.1, 1),
+    ],
+    ids=["in one push", "bouncing", "apart", "yields thrice"],
+)
+def test_contacts_of_one_push_count_once(contacts_s, led, news: int) -> None:
+    met, said = np.zeros(1, dtype=int), []
+    found = notices(np.zeros(1), met)
+    for tick in range(450):
+        met[0] = sum(at <= 0.01 * tick for at in contacts_s)
+        said += [notice.text for notice in found.step(0.01 * tick, led=led(0.01 * tick))]
+    assert ["same place 3 times, near 0.40 rad" in text for text in said] == [True] * news

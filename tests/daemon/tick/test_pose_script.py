@@ -76,15 +76,10 @@ def go(arm: IdealArm, goal: Vector, speed: float) -> list[str]:
     AfterQuiet.RESUME,
     ContactReaction.ADMITTANCE,
     [
-        ("go", np.array([1.0, -1.0]), 0.2),
-        ("arm",),
-        ("wait", 2.0),
-        ("push", 1.0, 1.0),
-        (Event.PAUSE,),
-        ("wait", 3.0),
-        (Event.START,),
+        ("go", np.array([1.0, -1.0]), 0.2), ("arm",), ("wait", 2.0), ("push", 1.0, 1.0),
+        (Event.PAUSE,), ("wait", 3.0), (Event.START,),
     ],
-)
+)  # fmt: skip
 def test_of_any_script(
     after: AfterQuiet, contact: ContactReaction, script: list[tuple[object, ...]]
 ) -> None:

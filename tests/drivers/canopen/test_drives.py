@@ -188,14 +188,10 @@ def test_what_happens_beside_samples_is_an_event(scripted, drives, message, even
 @pytest.mark.parametrize(
     "message",
     [
-        frame(0x703, b"\5"),
-        frame(0x583, bytes(8)),
-        frame(0x708, b"\0"),
-        frame(0x88, bytes(8)),
-        frame(0x181, bytes(8), is_extended_id=True),
-        frame(0x703, is_remote_frame=True),
+        frame(0x703, b"\5"), frame(0x583, bytes(8)), frame(0x708, b"\0"), frame(0x88, bytes(8)),
+        frame(0x181, bytes(8), is_extended_id=True), frame(0x703, is_remote_frame=True),
     ],
-)
+)  # fmt: skip
 def test_what_is_none_of_our_business_is_no_event(scripted, drives, message):
     samples = tick(drives, scripted, [message])
     assert samples.events == ()

@@ -189,15 +189,11 @@ def test_how_far_the_arm_is_behind_its_target() -> None:
 @pytest.mark.parametrize(
     ("phi", "expected"),
     [
-        (0.0, "[----o----]"),
-        (0.004, "[----|o---]"),
-        (-0.004, "[---o|----]"),
-        (0.0199, "[----|---o]"),
-        (0.02, "[----|----o"),
-        (-0.02, "o----|----]"),
+        (0.0, "[----o----]"), (0.004, "[----|o---]"), (-0.004, "[---o|----]"),
+        (0.0199, "[----|---o]"), (0.02, "[----|----o"), (-0.02, "o----|----]"),
         (9.0, "[----|----o"),
     ],
-)
+)  # fmt: skip
 def test_gap_bar(phi: float, expected: str) -> None:
     assert gap_bar(phi, 0.02, 4).plain == expected
 
@@ -211,17 +207,12 @@ def test_joint_without_gap_has_a_bar_as_wide() -> None:
 @pytest.mark.parametrize(
     ("residual", "expected", "style"),
     [
-        (0.0, " :  |  : ", "green"),
-        (0.5, " :  |# : ", "green"),
-        (0.6, " :  |# : ", "yellow"),
-        (-0.6, " : #|  : ", "yellow"),
-        (1.0, " :  |##: ", "yellow"),
-        (1.5, " :  |### ", "bold red"),
-        (-1.5, " ###|  : ", "bold red"),
-        (99.0, " :  |####", "bold red"),
+        (0.0, " :  |  : ", "green"), (0.5, " :  |# : ", "green"), (0.6, " :  |# : ", "yellow"),
+        (-0.6, " : #|  : ", "yellow"), (1.0, " :  |##: ", "yellow"), (1.5, " :  |### ", "bold red"),
+        (-1.5, " ###|  : ", "bold red"), (99.0, " :  |####", "bold red"),
         (-99.0, "####|  : ", "bold red"),
     ],
-)
+)  # fmt: skip
 def test_residual_bar(residual: float, expected: str, style: str) -> None:
     bar = residual_bar(residual, 1.0, 4, ascii_only=True)
     assert len(bar.plain) == 9
@@ -233,6 +224,11 @@ def test_residual_bar(residual: float, expected: str, style: str) -> None:
 
 def test_threshold_marks_are_half_way() -> None:
     assert residual_bar(0.0, 1.0, 8, ascii_only=True).plain == "    :   |   :    "
+
+
+def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
+    shown = "".join(text_of(dashboard(range(0, 3), mode=Mode.ADMITTANCE, quiet_s=1.1), 80, 24))
+    assert "continues in 0.9 s if untouched" in shown
 
 
 def test_history_is_bounded_and_right(make_state: MakeState) -> None:

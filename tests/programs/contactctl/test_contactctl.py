@@ -250,6 +250,18 @@ def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
     assert {command for command, _ in fake_daemon.seen} == {"status"}
 
 
+@pytest.mark.parametrize("program", [contactctl, contactd])
+def test_help_shows_whole_sentences(program: Any) -> None:
+    _, _, commands = CliRunner().invoke(program.main, ["--help"]).stdout.partition("Commands:")
+    assert ("..." in commands, "moves" in commands or "detect contact" in commands) == (False, True)
+
+
+@pytest.mark.parametrize(("program", "other"), [(contactctl, "contactd"), (contactd, "contactctl")])
+def test_an_unknown_command_lists_all_and_names_the_other_program(program: Any, other: str) -> None:
+    said = CliRunner().invoke(program.main, ["nothing"]).output
+    assert all(name in said for name in (*program.main.commands, f"more are commands of `{other}`"))
+
+
 def test_help_lists_every_exit_status() -> None:
     text = " ".join(CliRunner().invoke(contactctl.main, ["--help"]).stdout.split())
     listed = text.split("Exit status: ")[1].split(".")[0]

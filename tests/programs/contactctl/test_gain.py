@@ -29,6 +29,9 @@ def test_a_proposal_changes_nothing_and_what_is_applied_is_what_was_proposed(
     assert proposed.exit_code == 0, proposed.output
     assert "nothing has changed: --apply" in proposed.stdout
     assert gains(romeo) == before
+    assert "K_a in rad/s per Nm" in proposed.stdout
+    shown = romeo.contactctl("gain", "LElbowRoll").stdout.split(maxsplit=2)
+    assert shown == ["LElbowRoll", f"{before['LElbowRoll']:g}", "rad/s per Nm\n"]
 
     applied = romeo.contactctl("--json", "gain", "--balance", "--apply")
     assert applied.exit_code == 0, applied.output

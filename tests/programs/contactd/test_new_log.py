@@ -121,11 +121,14 @@ def test_what_is_next_names_no_log_in_which_the_arm_is_touched(
     tmp_path: Path, arm: Stranger
 ) -> None:
     assert "once columns and constants are right:" in drafted(tmp_path, arm, Style()).output
-    touched = tmp_path / "touched.csv"
+    touched = tmp_path / "touched 1.csv"
     shutil.copy(tmp_path / "log.csv", touched)
     given = ["--urdf", str(urdf_of(arm, tmp_path)), str(tmp_path / "log.csv"), str(touched)]
     result = CliRunner().invoke(main, ["new", str(tmp_path / "two"), "--log-only", *given])
-    assert "without logs in which the arm is touched:" in result.output
+    assert "and --log LOG added for other logs without a touch:" in result.output
+    assert f"--config {tmp_path / 'two'} --log {tmp_path / 'log.csv'}\n" in result.output
+    assert f"contactd replay '{touched}' --config {tmp_path / 'two'}" in result.output
+    assert f"--log '{touched}'" not in result.output
 
 
 def test_lengths_in_mm_are_named_before_a_step_breaks(tmp_path: Path, arm: Stranger) -> None:

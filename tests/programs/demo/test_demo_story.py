@@ -1,5 +1,7 @@
 """Checks of the demonstration: a story that went wrong must not pass."""
 
+import re
+
 import msgspec
 import pytest
 from rich.text import Text
@@ -65,6 +67,10 @@ def story_of(states, touch, folder=ROMEO):
 def test_the_story_that_happened_passes(played):
     story = story_of(*played)
     assert [c.what for c in story.checks() if not c.happened] == []
+    (figure,) = (c.figure for c in story.checks() if c.what == "no false contact")
+    assert re.fullmatch(
+        r"0 with this residual, \d+ with the classical one without backlash", figure
+    )
     report = story.report(ended_well=True)
     assert report["pass"]
     assert 2.0 - 1e-9 <= report["quiet_s"] <= 2.02

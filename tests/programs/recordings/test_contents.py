@@ -152,17 +152,13 @@ DAMAGES = {
 @pytest.mark.parametrize(
     "command",
     [
-        ["replay"],
-        ["plot", "-o", "{}/a.html"],
-        ["whatif", "--threshold", "joint=1,2"],
-        ["whatif", "--residual", "classical"],
-        ["whatif", "--set", "estimator.gain=20"],
-        ["whatif", "--propose-labels", "{}/l.csv"],
-        ["export", "--csv", "-o", "{}/a.csv"],
+        ["replay"], ["plot", "-o", "{}/a.html"], ["whatif", "--threshold", "joint=1,2"],
+        ["whatif", "--residual", "classical"], ["whatif", "--set", "estimator.gain=20"],
+        ["whatif", "--propose-labels", "{}/l.csv"], ["export", "--csv", "-o", "{}/a.csv"],
         ["export", "--foxglove", "-o", "{}/f.mcap"],
     ],
     ids=" ".join,
-)
+)  # fmt: skip
 def test_damage_never_ends_in_a_traceback(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

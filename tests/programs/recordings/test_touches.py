@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -16,6 +18,7 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol import state as protocol
 from daemon.protocol.state import Notice, Snapshot, State
 from estimator.payload import Payload
+from programs.command_line.options import Options
 from programs.contactctl.contactctl import main
 from programs.recordings.touches import Contact, Evidence, contacts
 from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
@@ -138,20 +141,25 @@ def test_contacts_of_a_recording(tmp_path: Path) -> None:
     assert answer.stderr == f"{path}: no contact\n"
 
 
+@pytest.mark.parametrize(("r", "mode", "says"), [(0, TRACKS, 0), (1, TRACKS, 1), (1, Mode.OFF, 0)])
+def test_a_contact_that_is_present_at_the_start_is_reported(
+    monkeypatch: pytest.MonkeyPatch, r: float, mode: Mode, says: int
+) -> None:
+    states = states_of(ONCE, mode=mode, thresholded=[0.0] * 6 + [r])
+    client: Any = nullcontext(SimpleNamespace(subscribe=lambda: (CONTEXT, iter(states))))
+    monkeypatch.setattr(Options, "connect", lambda _: client)
+    assert CliRunner().invoke(main, ["touches"]).stderr.count("present already") == says
+
+
 @pytest.mark.parametrize(
     ("fields", "word"),
     [
-        ({}, "touched"),
-        ({"seconds": 0.5}, "pushed"),
-        ({"moved_rad": 0.1}, "pushed"),
-        ({"seconds": 3.0}, "leaning"),
-        ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
-        ({"hard": True, "seconds": 3.0}, "hit"),
-        ({"held_s": 0.6, "hard": True}, "clamped"),
-        ({"harder": 0.3, "seconds": 3.0}, "clamped"),
-        ({"load_kg": 0.4, "held_s": 0.6}, "load"),
+        ({}, "touched"), ({"seconds": 0.5}, "pushed"), ({"moved_rad": 0.1}, "pushed"),
+        ({"seconds": 3.0}, "leaning"), ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
+        ({"hard": True, "seconds": 3.0}, "hit"), ({"held_s": 0.6, "hard": True}, "clamped"),
+        ({"harder": 0.3, "seconds": 3.0}, "clamped"), ({"load_kg": 0.4, "held_s": 0.6}, "load"),
     ],
-)
+)  # fmt: skip
 def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
     assert Contact.of(Evidence(1.0, **fields)).word == word
 

@@ -88,6 +88,14 @@ def test_every_size_shows_what_matters(
 
 
 @pytest.mark.skipif(not AXE.exists(), reason="NOT TRIED: page/node_modules is not there (make web)")
+def test_a_yielding_arm_shows_the_time_that_is_left(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    arm.changes = {**ARMED, "mode": Mode.ADMITTANCE, "quiet_s": 1.1}
+    screen = screens.open(f"{page.url}?scene=off", PHONE, "light")
+    screen.shows("#permit", "continues in 0.9 s if untouched")
+
+
 @pytest.mark.parametrize("changes", [ARMED, FAULTED], ids=["armed", "fault"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_serious(

@@ -4,6 +4,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 
 from programs.contactd import contactd
-from programs.contactd.fleet import table
+from programs.contactd.fleet import reported, table
 from programs.zenoh.fleet import (
     MOST_ARMS,
     MOST_NAME,
@@ -54,6 +55,26 @@ def test_only_nodes_of_contactd_are_arms(token: str, name: str) -> None:
 
 def said(name: str = "contactd: left_arm", text: str = "holding: start") -> Diagnosis:
     return Diagnosis(Level.OK, name, text, values=(("mode", "holding"), ("armed", "true")))
+
+
+@pytest.mark.parametrize(
+    ("arm", "reports_s", "waited_s"),
+    [
+        (Arm("held_up", frozenset("a")), 4.2, 4.5),
+        (Arm("in_time", frozenset("a")), 1.0, 1.5),
+        (Arm("silent", frozenset("a")), 100.0, 8.0),
+        (Arm("gone"), 100.0, 1.5),
+    ],
+)
+def test_the_wait_for_an_arm_ends(arm: Arm, reports_s: float, waited_s: float) -> None:
+    clock_s = [0.0]
+    found = reported(
+        lambda: [replace(arm, mode="holding") if clock_s[0] >= reports_s else arm],
+        lambda: clock_s[0],
+        lambda s: clock_s.append(clock_s.pop() + s),
+    )
+    assert clock_s[0] == pytest.approx(waited_s)
+    assert bool(found[0].mode) == (reports_s < 8.0)
 
 
 def test_what_an_arm_says_and_since_when_it_is_silent() -> None:

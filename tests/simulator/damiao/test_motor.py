@@ -51,18 +51,11 @@ def test_special_frames_are_for_the_low_byte(one: One, offset) -> None:
 @pytest.mark.parametrize(
     ("events", "after"),
     [
-        ([], 0),
-        ([ENABLE], 1),
-        ([ENABLE, 0xE], 0xE),
-        ([0xB, ENABLE], 0xB),
-        ([0xB, DISABLE], 0xB),
-        ([0xB, CLEAR], 0),
-        ([0xB, CLEAR, ENABLE], 1),
-        ([ENABLE, 0xA, CLEAR], 0),
-        ([ENABLE, CLEAR], 0),
-        ([0x8, 0x9], 0x9),
+        ([], 0), ([ENABLE], 1), ([ENABLE, 0xE], 0xE), ([0xB, ENABLE], 0xB), ([0xB, DISABLE], 0xB),
+        ([0xB, CLEAR], 0), ([0xB, CLEAR, ENABLE], 1), ([ENABLE, 0xA, CLEAR], 0),
+        ([ENABLE, CLEAR], 0), ([0x8, 0x9], 0x9),
     ],
-)
+)  # fmt: skip
 def test_power_and_errors(one: One, events, after) -> None:
     for event in events:
         if isinstance(event, int):
