@@ -141,7 +141,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     state = set(fields_of("State", daemon["daemon/protocol/state.py"])) - status
     steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 69_445, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 69_460, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 15_090, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_570, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 69_490, 45_000),
