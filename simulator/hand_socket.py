@@ -22,7 +22,7 @@ PATIENCE_S = 0.05
 """Longest wait for a client that connects and sends nothing."""
 
 
-class HandDoor:
+class HandSocket:
     """Listening socket at a path. `serve` does not block without a connected client."""
 
     def __init__(self, path: Path) -> None:
