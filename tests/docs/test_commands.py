@@ -26,7 +26,7 @@ from docs.commands import OURS, ROOT, Named, commands_of, pages
 from programs.command_line.options import Options
 from programs.contactctl import contactctl
 from programs.contactd import contactd
-from programs.foxglove.foxglove_door import main as contactd_foxglove
+from programs.foxglove.server import main as contactd_foxglove
 from programs.web.contactd_web import main as contactd_web
 from programs.zenoh.contactd_zenoh import main as contactd_zenoh
 

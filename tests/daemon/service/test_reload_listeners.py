@@ -24,7 +24,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from contactd_client.paths import view_socket_path
 from programs.clients.client import Client
 from programs.contactd import contactd
-from programs.foxglove.foxglove_door import serve
+from programs.foxglove.server import serve
 from tests.programs.web.visitor import visiting
 from tests.programs.zenoh.bridge import Bridge
 from tests.programs.zenoh.zenoh_router import free_port, session_at
