@@ -270,7 +270,7 @@ class Controller:
             motion.follow(anchor, again=event is not Event.START)
         elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
             push = observed.pressing
-            motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
+            motion.hold(motion.release_motion.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)

@@ -142,7 +142,7 @@ class OwnEvents:
         return [met.text] if met else []
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
-        release = self._motion.giving_way
+        release = self._motion.release_motion
         q, push = observed.q, observed.pressing
         release.step(q, observed.motor_velocity, push, dt, sure=observed.sure)
         if not release.end:
