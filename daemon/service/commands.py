@@ -113,7 +113,7 @@ class Commands:
         reply = self._reply(request, self.set_up.request(event, who))
         if ends and reply.ok:
             # A pause by its sender ends the stream; by others it holds the arm until `start`.
-            controller.mend(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
+            controller.apply_event(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
         return reply
 
     def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:

@@ -42,7 +42,7 @@ class Checkpoint:
         machine = controller.machine
         event = remedy(command, self, machine.mode, armed=machine.armed)
         if event is not None:
-            controller.mend(event, f"internal error in {command}", time_s)
+            controller.apply_event(event, f"internal error in {command}", time_s)
         if machine.mode is self.mode or machine.mode is Mode.OFF:
             controller.motion.follower.place = self.place
         permission.lease = self.lease if machine.armed else None

@@ -122,7 +122,7 @@ class Controller:
         """Take the permission back: an arm that is being guided stops and holds."""
         self._apply(Event.DISARM, cause, time_s)
 
-    def mend(self, event: Event, cause: str, time_s: float) -> None:
+    def apply_event(self, event: Event, cause: str, time_s: float) -> None:
         """Apply `stop`, `disarm` or a fault after a request that raised an error."""
         self._apply(event, cause, time_s)
 

@@ -319,7 +319,7 @@ def test_what_was_halted_before_its_client_went_is_forgotten_too(
     """As after Ctrl-C of a step of the identification, or a contact."""
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
-        served.rig.tick.controller.mend(event, "before", served.rig.time_s)
+        served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
         served.run(0.5)
         paused = trajectory(served)
         assert (paused.state, paused.attended) == ("paused", True)
@@ -338,7 +338,7 @@ def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -
         sets_out(served, client, attended=True)
         machine = served.rig.tick.controller.machine
         machine.arm("the test")
-        served.rig.tick.controller.mend(Event.TOUCH, "a touch", served.rig.time_s)
+        served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
         assert machine.moving
     served.tick()
     assert (machine.mode, machine.armed) == (Mode.ADMITTANCE, True)
