@@ -95,7 +95,7 @@ class ContactEvents:
     def _releases(self, observed: ControlInput) -> bool:
         """True if the arm may release: once for each contact, so that it does not move to and fro
         between two obstacles; again if a release only ended because sensing was not reliable."""
-        if self.stage in (ReleaseStage.RELEASED, ReleaseStage.LET_GO) or not observed.sure:
+        if self.stage in (ReleaseStage.RELEASED, ReleaseStage.CONTACT_ENDED) or not observed.sure:
             return False
         sound = all(f.response is Response.CONTINUE for f in observed.findings)
         return sound and self._motion.can_release(observed.q, observed.avoided)

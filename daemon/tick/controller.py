@@ -268,7 +268,7 @@ class Controller:
         elif mode is Mode.TRACKING:
             anchor = motion.reference if event is Event.ARRIVED else observed.q
             motion.follow(anchor, again=event is not Event.START)
-        elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
+        elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.CONTACT_ENDED:
             push = observed.pressing
             motion.hold(motion.release_motion.rest(observed.q, motion.reference, push))
         else:
