@@ -16,7 +16,7 @@ from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
 from daemon.config.trajectories import path_of
 from daemon.config.vectors import guide_of, limits_of, row, virtual_mass_of
-from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
+from daemon.faults.detector import DetectorSettings, FaultDetector, tolerated_ticks
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
@@ -141,8 +141,8 @@ def build_transmission(c: Configuration) -> Transmission:
 def build_fault_detector(c: Configuration) -> FaultDetector:
     """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
-    deaf_ticks = patience_deaf(c.period_s)
-    patience = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, deaf_ticks)
+    not_sensing_ticks = tolerated_ticks(c.period_s)
+    patience = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, not_sensing_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
