@@ -15,21 +15,10 @@ import numpy as np
 from common import compiled
 from common.errors import BusError, ContactdError, DriveError
 from contactd_client.paths import default_socket_path
-from daemon.assembly import (
-    build_arming_checks,
-    build_estimator,
-    build_tick,
-    check_identification,
-)
+from daemon.assembly import build_arming_checks, build_estimator, build_tick, check_identification
 from daemon.config.files import Files
 from daemon.config.load import Robot
-from daemon.drives import (
-    Setups,
-    build_drives,
-    build_setups,
-    frames_per_second,
-    open_wire,
-)
+from daemon.drives import Setups, build_drives, build_setups, frames_per_second, open_wire
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Grant
 from daemon.protocol.trend_row import trends_folder

@@ -68,12 +68,7 @@ class ArmingChecks:
     """Arming checks of one arm."""
 
     def __init__(
-        self,
-        tick: Tick,
-        limits: Limits,
-        period_s: float,
-        settled: Sequence[Check],
-        contact: Vector,
+        self, tick: Tick, limits: Limits, period_s: float, settled: Sequence[Check], contact: Vector
     ) -> None:
         """settled: checks whose result is fixed for the whole run: `identification`, of the
         identified values against the drives that answered, and `parameters`. contact: configured

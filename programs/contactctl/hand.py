@@ -157,9 +157,7 @@ def lead(path: Path, joint: str, position: float, speed: float, torque: float | 
 @hand.command()
 @_JOINT
 @click.option(
-    "--torque",
-    type=Measure("Nm"),
-    help="Largest torque; by default a hundredth of the motor's.",
+    "--torque", type=Measure("Nm"), help="Largest torque; by default a hundredth of the motor's."
 )
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj

@@ -181,9 +181,7 @@ def plot(
     "estimator.gain=20, or identified=FILE: replays the samples. May be repeated.",
 )
 @click.option(
-    "--fresh",
-    is_flag=True,
-    help="Replay as after switching on, without the learned state.",
+    "--fresh", is_flag=True, help="Replay as after switching on, without the learned state."
 )
 @click.option(
     "--until-reaction",
