@@ -14,14 +14,7 @@ import pytest
 
 from bench.rigs.lockstep import OPENARM
 from programs.clients.client import Client
-from tests.daemon.test_processes import (
-    Daemon,
-    Simulator,
-    contactd,
-    gone_afterwards,
-    run,
-    simulated,
-)
+from tests.daemon.test_processes import Daemon, Simulator, contactd, gone_afterwards, run, simulated
 
 MEMORY = Path("/sys/fs/cgroup/memory")
 STILL = 0.01  # the way of each joint meanwhile [rad]

@@ -6,15 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bench.rigs.breakable_arm import (
-    DESK,
-    DURAND,
-    ROMEO_ARM,
-    BreakableArm,
-    Fault,
-    Make,
-    stage,
-)
+from bench.rigs.breakable_arm import DESK, DURAND, ROMEO_ARM, BreakableArm, Fault, Make, stage
 from bench.rigs.drive_faults import (
     another_product,
     fault_bit,
