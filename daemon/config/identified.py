@@ -15,7 +15,7 @@ import yaml
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from daemon.config.marks import Dependence
+from daemon.config.digests import Dependence
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, PayloadEntry
 from drivers.settings import Name, Settings, Sign
@@ -36,7 +36,7 @@ class Entry(Settings, frozen=True, kw_only=True):
 
     date: str
     log: str  # sha256 of the measurements
-    of: str = ""  # mark of its dependencies; empty in files that have one for all
+    of: str = ""  # digest of its dependencies; empty in files that have one for all
 
     def applied(self, joint: Joint) -> Joint:
         """Joint whose values are replaced by those of the same names in this entry."""
@@ -198,7 +198,7 @@ class Identified(Settings, frozen=True):
     """Content of the file."""
 
     version: Literal[1] = 1
-    configuration: str = ""  # `fingerprint`, for entries without a mark of their own
+    configuration: str = ""  # `fingerprint`, for entries without a digest of their own
     joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
     payloads: dict[Name, IdentifiedPayload] = msgspec.field(default_factory=dict)
 

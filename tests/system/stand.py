@@ -12,7 +12,7 @@ from typing import Any, Self
 import yaml
 
 from common.errors import ContactdError
-from daemon.config import identified, marks
+from daemon.config import digests, identified
 from daemon.config.load import load_robot
 from daemon.protocol.replies import Reply, Status
 from daemon.protocol.requests import Command
@@ -77,8 +77,8 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
         serial=1,
         wiring=identified.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0),
     )
-    mark = marks.fingerprint(robot.configuration, robot.urdf)
-    found = identified.Identified(configuration=mark, joints={"joint": wired})
+    digest = digests.fingerprint(robot.configuration, robot.urdf)
+    found = identified.Identified(configuration=digest, joints={"joint": wired})
     identified.write_identified(folder / "identified.yaml", found)
 
 

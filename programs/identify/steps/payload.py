@@ -69,8 +69,8 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     """Outcome with the load in the hand, from contact-free motion. Raises LogError for implausible
     measurements."""
     from daemon.assembly import build_transmission
+    from daemon.config.digests import digests
     from daemon.config.identified import IdentifiedPayload
-    from daemon.config.marks import marks
     from daemon.config.vectors import row
     from daemon.config.worst_loads import Carrying
     from estimator.payload import Payload
@@ -98,7 +98,7 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
             payloads[name] = IdentifiedPayload(
                 date=date,
                 log=measured.sha256,
-                of=marks(c, robot.urdf)[IdentifiedPayload.depends],
+                of=digests(c, robot.urdf)[IdentifiedPayload.depends],
                 mass=load.mass,
                 com=(load.com[0], load.com[1], load.com[2]),
                 mass_error=float(f"{fit.mass_error:.3g}"),
