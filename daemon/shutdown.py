@@ -59,8 +59,8 @@ def _stragglers(tick: Tick) -> list[str]:
     last = tick.last
     if last is None or last.decision is None:
         return []
-    joints = zip(last.samples.drives, last.decision.power, last.samples.came, strict=True)
-    wrong = np.flatnonzero([not (came and d.condition.reached(on)) for d, on, came in joints])
+    joints = zip(last.samples.drives, last.decision.power, last.samples.arrived, strict=True)
+    wrong = np.flatnonzero([not (arrived and d.condition.reached(on)) for d, on, arrived in joints])
     return [tick.drives.names[i] for i in wrong]
 
 

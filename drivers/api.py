@@ -124,11 +124,11 @@ class Samples:
     events: tuple[Event, ...] = ()
 
     @property
-    def came(self) -> NDArray[np.bool_]:
+    def arrived(self) -> NDArray[np.bool_]:
         """Joints (n,) whose samples arrived in this tick, whenever they were measured: sufficient
         to read the drive's status and to observe a standstill."""
-        came: NDArray[np.bool_] = self.age_s == 0.0
-        return came
+        arrived: NDArray[np.bool_] = self.age_s == 0.0
+        return arrived
 
 
 @dataclass(frozen=True, slots=True)

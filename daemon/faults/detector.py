@@ -140,13 +140,13 @@ class FaultDetector:
         late = False
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
-            late = bool(samples.came.any()) and not samples.fresh.any()
+            late = bool(samples.arrived.any()) and not samples.fresh.any()
         elif any(self._missing.tolist()):
             np.maximum(self._missing - 1, 0, out=self._missing)
         found += self._of_lateness(late=late)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
-        self._supply.step(samples.drives, samples.came)
+        self._supply.step(samples.drives, samples.arrived)
         if samples.drives is not self._drives:
             self._drives = samples.drives
             self._operating = all(map(_operates, samples.drives))

@@ -164,9 +164,9 @@ class Stops:
         """Latest fresh reading of a drive; a sample, which holds more, precedes an SDO reading."""
         asked = self._expedited[joint].take()
         condition = samples.drives[joint].condition
-        came = bool(samples.came[joint])
-        self._heard[joint] = came and not self._all.repeat[joint]
-        if not came:
+        arrived = bool(samples.arrived[joint])
+        self._heard[joint] = arrived and not self._all.repeat[joint]
+        if not arrived:
             return asked
         if self._all.repeat[joint]:
             # Of repeated samples, at most the statusword is still informative.

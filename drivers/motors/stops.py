@@ -75,7 +75,7 @@ class Stops:
         ]
 
     def _seen(self, joint: int, samples: Samples, let_go: bool) -> Seen | None:
-        if not samples.came[joint]:
+        if not samples.arrived[joint]:
             return None
         if self.watches.repeat[joint]:
             condition = samples.drives[joint].condition

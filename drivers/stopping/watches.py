@@ -61,7 +61,7 @@ class Watches:
         motors = samples.motor_position
         columns = zip(
             self.each,
-            samples.came.tolist(),
+            samples.arrived.tolist(),
             samples.motor_velocity.tolist(),
             samples.current.tolist(),
             samples.link_position.tolist(),

@@ -242,9 +242,9 @@ def feels(c: Configuration) -> bool:
     estimator = build_estimator(c, ROBOT.model)
     motor = joint.torque_constant * joint.wiring.max_current_A
     levels = estimator.detector.levels
-    in_motion = levels.usual(0, joint.limits.velocity)
+    in_motion = levels.configured(0, joint.limits.velocity)
     hidden = levels.friction_at(0, 1.0, stiction_range(joint.friction.stiction)[1], 1.0, 0.0)
-    at_rest = levels.contact_at(0, hidden + levels.unsure(0, True, False, False, 0.0))
+    at_rest = levels.contact_at(0, hidden + levels.uncertainty(0, True, False, False, 0.0))
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
     impulse = np.zeros(len(ROW))
