@@ -19,7 +19,7 @@ SLOW_PATIENCE_S: Final = 30.0
 _RETRY_S = 0.0003  # retry interval if the daemon's backlog is full
 
 
-def patience_s(command: str, timeout_s: float) -> float:
+def command_timeout_s(command: str, timeout_s: float) -> float:
     """Answer timeout of `command` [s]."""
     return max(SLOW_PATIENCE_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
 

@@ -23,7 +23,7 @@ from drivers.canopen.settings import CanopenDrive
 from drivers.canopen.stops import Stops
 from drivers.event_queue import EventQueue
 from drivers.presence import Presence
-from drivers.stopping.travel import least_patience_s
+from drivers.stopping.travel import least_master_timeout_s
 
 _OFF, _ON, _STOP = PowerTarget
 
@@ -47,7 +47,7 @@ class CanopenDrives:
         self._joints = dict(zip(self.nodes, self.names, strict=True))
         self._events: EventQueue[BusEvent] = EventQueue()
         self._report = self._events.report
-        self._presence = Presence(least_patience_s(drives), period_s)
+        self._presence = Presence(least_master_timeout_s(drives), period_s)
         self._outbox = Outbox(wire, drives, master_node, self._report)
         self._setpoints = self._outbox.setpoints
         self._inbox = Inbox(

@@ -180,7 +180,7 @@ class Stops:
             return
         self.silent = True
         self._all_stopped_s = now + max(
-            drive.profile.patience_s
+            drive.profile.master_timeout_s
             + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
             for drive, watch in zip(self._drives, self._watches, strict=True)
         )

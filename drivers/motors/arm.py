@@ -82,7 +82,7 @@ class MotorArm(MotorTick):
         self._setup = make.setup
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
         self._identities: list[MotorIdentity] = []
-        self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS
+        self._beat_s = min(drive.profile.master_timeout_s for drive in drives) / BEATS
         self._beaten_s = -math.inf
 
     @property

@@ -21,7 +21,7 @@ from drivers.motors.replies import Replies, news_of
 from drivers.motors.setpoints import Setpoints
 from drivers.motors.stops import Stops
 from drivers.presence import Presence
-from drivers.stopping.travel import least_patience_s
+from drivers.stopping.travel import least_master_timeout_s
 
 NO_GUARDIAN: Final = (
     "no guardian is heard on the bus, to hold the arm if this process dies: run `contactd guard`"
@@ -49,7 +49,7 @@ class MotorTick:
         self.replies = Replies(drives, language, period_s)
         self._clock, self._now = clock, 0.0
         self._stops = Stops(drives, period_s)
-        self._presence = Presence(least_patience_s(drives), period_s)
+        self._presence = Presence(least_master_timeout_s(drives), period_s)
         self._language = language
         self._setpoints = Setpoints(drives, language, period_s)
         adopt = self._setpoints.adopt

@@ -84,8 +84,8 @@ class Guardian:
         self._motors = [
             _Motor(drive, steps[0]) for drive, steps in zip(drives, language.steps, strict=True)
         ]
-        patience_s = min(drive.profile.patience_s for drive in drives)
-        self._after_s, self._every_s = TAKES_OVER_SHARE * patience_s, EVERY_SHARE * patience_s
+        timeout_s = min(drive.profile.master_timeout_s for drive in drives)
+        self._after_s, self._every_s = TAKES_OVER_SHARE * timeout_s, EVERY_SHARE * timeout_s
         self._held_since_s: float | None = None
         self._commanded_s = self._beaten_s = float("-inf")
         self.doing = Doing.WATCHES

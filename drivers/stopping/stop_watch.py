@@ -89,7 +89,7 @@ class StopBounds:
     current: float  # its limit [A]
     travel: float  # of its joint, from the first stop command on [rad]
     play: float  # between link and motor [rad]
-    patience_s: float  # master timeout, after which it stops by itself
+    master_timeout_s: float  # after which it stops by itself
     ticks: int  # of each stage
     period_s: float
     falls: bool = False  # its joint falls without power: cutting it needs evidence of two sensors
@@ -291,7 +291,7 @@ class StopWatch:
             return False
         bounds, v = self._bounds, self.speed
         stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.DIRECT else 0.0
-        left_s = bounds.patience_s + stage_s
+        left_s = bounds.master_timeout_s + stage_s
         gone = self._distance.gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)
 

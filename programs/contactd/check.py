@@ -128,9 +128,9 @@ def _say_alone(c: Configuration) -> None:
     """Report each drive profile's behaviour without the master, grouped where it is the same."""
     alone: dict[str, list[str]] = {}
     for name, profile in c.drives.items():
-        alone.setdefault(profile.without_us, []).append(name)
-    for without_us, names in alone.items():
-        say(f"{', '.join(names)}: {without_us}")
+        alone.setdefault(profile.timeout_reaction, []).append(name)
+    for timeout_reaction, names in alone.items():
+        say(f"{', '.join(names)}: {timeout_reaction}")
 
 
 def _print_bus(console: Console, c: Configuration) -> None:
@@ -211,7 +211,7 @@ def _travels(c: Configuration) -> Table:
     )
     rows = []
     for drive, travel in zip(c.joint_drives, travels(c), strict=True):
-        parts = (travel.noticing, travel.stages, travel.patience, travel.braking)
+        parts = (travel.noticing, travel.stages, travel.master_timeout, travel.braking)
         rows.append((
             drive.name,
             f"{drive.velocity:g}",
@@ -219,7 +219,8 @@ def _travels(c: Configuration) -> Table:
             *(f"{part:.3f}" for part in parts),
             f"{travel.total:.3f}",
             f"{travel.own:.3f}",
-            f"{travel.patience + travel.braking:.3f}" if drive.profile.stops_alone else "falls",
+            f"{travel.master_timeout + travel.braking:.3f}"
+            if drive.profile.stops_alone else "falls",
         ))  # fmt: skip
     add_alike(table, rows)
     return table

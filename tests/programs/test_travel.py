@@ -20,7 +20,7 @@ MASTERS_HEARTBEAT = 0x77F
 def test_a_drive_that_obeys_nothing_goes_at_most_twice_as_far_as_without_a_daemon(folder) -> None:
     c = load_robot(folder).configuration
     for travel in travels(c):
-        dies = travel.patience + travel.braking
+        dies = travel.master_timeout + travel.braking
         assert travel.total - travel.noticing <= 2.0 * dies
 
 
@@ -49,7 +49,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         assert abs(plant.q_dot[0]) < 1e-3
         travelled = float(plant.q[0]) - heard
         (travel,) = worst_travel(c.joint_drives, c.period_s, 0.0)
-        worst = travel.patience + travel.braking
+        worst = travel.master_timeout + travel.braking
         assert 0.8 * worst < travelled <= worst
 
 

@@ -128,8 +128,8 @@ class DriveBoot:
         progress(f"set up again in {took_ms:.0f} ms without a tick: {names}")
 
     def _beat(self, network: canopen.Network, meanwhile: Meanwhile) -> "_Beat":
-        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
-        return _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
+        timeout_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
+        return _Beat(network, self.master_node, timeout_s / BEATS, meanwhile)
 
     def let_go(self) -> None:
         """Disable the drives' monitoring of the master's heartbeat (0x1016:1 = 0) after the last
@@ -173,9 +173,9 @@ class DriveBoot:
             access = self._access(network, setup, share * timeout_s, meanwhile)
             rows = wanted(setup, self.period_ms, self.master_node)
             booted = _listen_for_boot_up(network, setup.drive.node)
-            patience_s = STEP_TIMEOUTS * timeout_s
+            step_timeout_s = STEP_TIMEOUTS * timeout_s
             drives.append(
-                BootingDrive(setup, access, rows, patience_s, booted, meanwhile, self.sleep)
+                BootingDrive(setup, access, rows, step_timeout_s, booted, meanwhile, self.sleep)
             )
         for step in TOGETHER:
             for drive in drives:
@@ -229,7 +229,7 @@ def _set_up(drive: BootingDrive, progress: Progress) -> None:
 def _run(step: Step, drive: BootingDrive) -> None:
     """Run one step, repeated if the drive is silent; errors contain its name."""
     for tries in range(1, TRIES + 1):
-        drive.access.deadline = time.monotonic() + drive.patience_s
+        drive.access.deadline = time.monotonic() + drive.step_timeout_s
         try:
             if tries > 1:
                 drive.access.settle()

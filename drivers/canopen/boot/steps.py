@@ -46,7 +46,7 @@ class BootingDrive:
     setup: DriveSetup
     access: ObjectAccess
     wanted: list[Wanted]
-    patience_s: float  # timeout of one step
+    step_timeout_s: float
     booted: threading.Event  # its boot-up message has arrived
     meanwhile: Callable[[], None]  # called while waiting
     sleep: Callable[[float], None]
@@ -164,7 +164,7 @@ def _recover(drive: BootingDrive) -> None:
 def _await_boot(drive: BootingDrive) -> None:
     if drive.fault is None:
         return
-    for _ in range(math.ceil(drive.patience_s / _POLL_S)):
+    for _ in range(math.ceil(drive.step_timeout_s / _POLL_S)):
         if drive.booted.is_set():
             break
         drive.wait(_POLL_S)

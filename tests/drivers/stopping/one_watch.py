@@ -13,7 +13,7 @@ T = 0.01
 ON, STOPS = DriveCondition.OPERATING, DriveCondition.STOPPED
 LIMP = DriveCondition.OFF
 BOUNDS = StopBounds(
-    deceleration=10.0, current=2.0, travel=0.24, play=0.0, patience_s=0.1, ticks=3, period_s=T
+    deceleration=10.0, current=2.0, travel=0.24, play=0.0, master_timeout_s=0.1, ticks=3, period_s=T
 )
 RUNS = Seen(ON, 1.0, 0.0, 0.0)
 

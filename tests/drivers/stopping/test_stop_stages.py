@@ -28,7 +28,7 @@ def test_without_a_proof_it_is_commanded_more_strongly_each_time(seen: Seen | No
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.7, -0.7])
 def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: float | None) -> None:
-    """0.24 rad, less 0.1 for the drives' patience and 0.05 of braking, at 1 rad/s."""
+    """0.24 rad, less 0.1 for the drives' master timeout and 0.05 of braking, at 1 rad/s."""
     watch = commanded(1.0, position=start or 0.0)
     found = {}
     for k in range(30):
@@ -122,10 +122,10 @@ def test_a_drive_that_never_obeys_ends_in_silence_in_time(speed: float, seen: Se
 
 
 @pytest.mark.parametrize(
-    ("patience_s", "period_s", "ticks"),
+    ("master_timeout_s", "period_s", "ticks"),
     [(0.1, 0.01, 3), (0.12, 0.01, 4), (0.1, 0.001, 33), (0.03, 0.01, 3), (0.09, 0.01, 3)],
 )
 def test_the_stages_take_the_drives_patience_and_leave_them_time_to_answer(
-    patience_s: float, period_s: float, ticks: int
+    master_timeout_s: float, period_s: float, ticks: int
 ) -> None:
-    assert stage_ticks(patience_s, period_s) == ticks
+    assert stage_ticks(master_timeout_s, period_s) == ticks

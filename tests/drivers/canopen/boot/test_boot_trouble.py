@@ -19,7 +19,7 @@ def with_profile(setup, **changes):
 
 
 def hasty(setup):
-    """For a drive that is to time out: the others keep the patience that a busy machine needs."""
+    """For a drive that is to time out: the others keep the timeout that a busy machine needs."""
     return with_profile(setup, sdo_timeout_ms=100)
 
 
