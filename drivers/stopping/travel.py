@@ -16,7 +16,7 @@ class Travel:
     limit and obeys no command, in parts; and of a runaway, faster, that obeys a quick stop (`own`).
     """
 
-    noticing: float  # until the fault is detected
+    detection: float  # until the fault is detected
     stages: float  # until the last stage begins
     master_timeout: float  # until the drive misses the master
     braking: float  # while it decelerates
@@ -25,7 +25,7 @@ class Travel:
     @property
     def total(self) -> float:
         """Worst-case travel between fault and standstill [rad]."""
-        return self.noticing + self.stages + self.master_timeout + self.braking
+        return self.detection + self.stages + self.master_timeout + self.braking
 
 
 def least_master_timeout_s(drives: Sequence[Drive[DriveKind]]) -> float:
@@ -42,7 +42,7 @@ def stage_ticks(master_timeout_s: float, period_s: float) -> int:
 def worst_travel(
     drives: Sequence[Drive[DriveKind]],
     period_s: float,
-    noticing_s: float,
+    detection_s: float,
     speed_margin: float = 1.0,
 ) -> list[Travel]:
     """Worst-case travel of each joint: full speed v until the fault is detected, for the stages
@@ -51,11 +51,11 @@ def worst_travel(
     stages_s = 3 * stage_ticks(least_master_timeout_s(drives), period_s) * period_s
     return [
         Travel(
-            noticing=drive.velocity * noticing_s,
+            detection=drive.velocity * detection_s,
             stages=drive.velocity * stages_s,
             master_timeout=drive.velocity * drive.profile.master_timeout_s,
             braking=drive.velocity**2 / (2.0 * drive.quick_stop),
-            own=_braked(drive, speed_margin, noticing_s + FEWEST_TICKS * period_s),
+            own=_braked(drive, speed_margin, detection_s + FEWEST_TICKS * period_s),
         )
         for drive in drives
     ]

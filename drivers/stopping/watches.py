@@ -22,7 +22,7 @@ class Watches:
         """falls: the joints fall when their power is cut."""
         ticks = stage_ticks(least_master_timeout_s(drives), period_s)
         # From the first stop command on: the fault has been detected by then.
-        travels = worst_travel(drives, period_s, noticing_s=0.0)
+        travels = worst_travel(drives, period_s, detection_s=0.0)
         self.each = [
             StopWatch(
                 StopBounds(

@@ -211,7 +211,7 @@ def _travels(c: Configuration) -> Table:
     )
     rows = []
     for drive, travel in zip(c.joint_drives, travels(c), strict=True):
-        parts = (travel.noticing, travel.stages, travel.master_timeout, travel.braking)
+        parts = (travel.detection, travel.stages, travel.master_timeout, travel.braking)
         rows.append((
             drive.name,
             f"{drive.velocity:g}",

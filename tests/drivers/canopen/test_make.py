@@ -56,8 +56,8 @@ def test_what_does_not_fit_is_refused(joint_drives):
 )
 def test_the_travel_of_a_joint(joint_drives: list[Drive], velocity: float, braking: float) -> None:
     drives = [replace(drive, velocity=velocity, quick_stop=10.0) for drive in joint_drives]
-    travel = worst_travel(drives, 0.01, noticing_s=0.03)[0]
-    assert travel.noticing == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
+    travel = worst_travel(drives, 0.01, detection_s=0.03)[0]
+    assert travel.detection == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
     assert travel.stages == pytest.approx(0.09 * velocity)  # three ticks each
     assert travel.master_timeout == 0.1 * velocity  # 100 ms
     assert travel.braking == braking
