@@ -13,7 +13,7 @@ from drivers.can.load import FrameLoad
 from drivers.can.traffic import Traffic
 from drivers.can.wire import IDENTIFIER, Frame, Wire
 from drivers.motors.drives import MotorTick
-from drivers.motors.guardian import BEAT, Doing
+from drivers.motors.guardian import BEAT, Activity
 from drivers.motors.language import Language
 from drivers.motors.language import MotorDrives as Motors
 
@@ -178,7 +178,7 @@ class MotorArm(MotorTick):
                 raise BusError(f"the bus cannot be read: {error}") from error
             if frame is not None:
                 heard = frame[0] if self._language.masters(frame[0]) else heard
-                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Doing.WATCHES]))
+                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Activity.WATCHES]))
         if heard is not None and not held:
             raise BusError(
                 f"another master is on this bus: 0x{heard & IDENTIFIER:03X} is being sent"

@@ -13,7 +13,7 @@ from common.errors import DriveError, SilentDriveError
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Wire
-from drivers.motors.guardian import Doing
+from drivers.motors.guardian import Activity
 from drivers.robstride.frames import Kind, Parameter, identifier, kind_of, setpoint_id
 from simulator.robstride import motor as m
 from tests.drivers.damiao.test_arm import Broken, Filter, cause, stands
@@ -294,7 +294,7 @@ def test_a_daemon_that_dies_leaves_an_arm_that_holds(loaded: Broken) -> None:
     assert without_the_daemon(rig, 5.0) < 0.01
     assert all(running(rig))
     assert isinstance(rig.guard, GuardianAtBus)
-    assert rig.guard.guardian.doing is Doing.HOLDS
+    assert rig.guard.guardian.activity is Activity.HOLDS
 
 
 def test_without_a_guardian_the_arm_falls(loaded: Broken) -> None:
