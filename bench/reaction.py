@@ -157,7 +157,7 @@ def one_reset(on: BreakableArm) -> bool:
     drives = on.rig.drives
     on.run(0.1)
     for _ in range(PATIENCE_TICKS):
-        if drives.left_alone or not (drives.silenced or drives.unproved()):
+        if drives.master_timeout_passed or not (drives.silenced or drives.unproved()):
             break
         on.tick()
     try:

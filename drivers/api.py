@@ -188,7 +188,7 @@ class BootableDrives(Drives, Protocol):
         """Serial number of each drive that was set up; None if it has none."""
 
     @property
-    def left_alone(self) -> bool:
+    def master_timeout_passed(self) -> bool:
         """True once every drive has had the time to miss the master and to stop by itself."""
 
     def boot_up(self, report: Report) -> None:

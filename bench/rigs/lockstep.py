@@ -178,7 +178,7 @@ class Rig(Ticking):
         AssertionError unless the arm is off after it, and stays so."""
         assert self.tick.controller.faulted, self.mode
         for _ in range(100):
-            if self.drives.left_alone or not self.drives.unproved():
+            if self.drives.master_timeout_passed or not self.drives.unproved():
                 break
             self.run(0.01)
         reasons = self.ask(Event.RESET)

@@ -51,7 +51,7 @@ class CanopenDrives:
         self._outbox = Outbox(wire, drives, master_node, self._report)
         self._setpoints = self._outbox.setpoints
         self._inbox = Inbox(
-            *(wire, drives, period_s, bitrate, self._outbox.masters_own),
+            *(wire, drives, period_s, bitrate, self._outbox.master_ids),
             self._report,
             on_sdo=self._hear_sdo,
             on_node=self._address,
@@ -240,15 +240,15 @@ class CanopenDrives:
         """Joints commanded to stop and not confirmed at standstill since."""
         return self._named(self._stops.unproved)
 
-    def stopped_in_vain(self, joint: int) -> bool:
+    def stop_failed(self, joint: int) -> bool:
         """True if a quick stop was observed not to stop a joint: its power may be cut in motion."""
-        return self._stops.stopped_in_vain(joint)
+        return self._stops.stop_failed(joint)
 
     @property
-    def left_alone(self) -> bool:
+    def master_timeout_passed(self) -> bool:
         """True in the last stage of a stop, once every drive has had the time to miss the master
         and to stop by itself."""
-        return self._stops.left_alone(self._now)
+        return self._stops.master_timeout_passed(self._now)
 
     @property
     def silenced(self) -> bool:

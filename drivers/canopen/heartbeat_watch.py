@@ -24,7 +24,7 @@ class HeartbeatWatch:
     # The drive has left NMT operational or restarted: its set-up is lost.
     forgot: bool = False
 
-    def excuse(self, now: float) -> None:
+    def restart(self, now: float) -> None:
         """Restart the timeout at `now`: the bus was not read until then."""
         self.heard_at = now
 

@@ -42,7 +42,7 @@ class NodeWatches:
         """Expect heartbeats from `now` on. `renewed` were just set up (None: all); the history of
         the others is kept."""
         for node in self._nodes:
-            node.beat.excuse(now)
+            node.beat.restart(now)
         for i in range(len(self._nodes)) if renewed is None else renewed:
             self._nodes[i] = self._watched(self._drives[i], now)
 

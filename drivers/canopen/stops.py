@@ -51,11 +51,11 @@ class Stops:
         """True if a drive may lose its power, as `Watches.may_be_off`."""
         return self._all.may_be_off(joint)
 
-    def stopped_in_vain(self, joint: int) -> bool:
+    def stop_failed(self, joint: int) -> bool:
         """True if a drive reports that it stops, but was observed beyond its travel."""
         return self._watches[joint].cut
 
-    def left_alone(self, now: float) -> bool:
+    def master_timeout_passed(self, now: float) -> bool:
         """True once every drive has had the time to miss the master and to stop by itself."""
         return self.silent and now >= self._all_stopped_s
 

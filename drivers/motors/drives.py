@@ -273,7 +273,7 @@ class MotorTick:
         self._port.send(self._setpoints.stop())
 
     @property
-    def left_alone(self) -> bool:
+    def master_timeout_passed(self) -> bool:
         """False: these motors are never left alone."""
         return False
 

@@ -26,11 +26,11 @@ def test_silence_is_reported_once(watch):
     assert watch.check(10.3) is None
 
 
-def test_silence_while_no_one_listened_is_excused(watch):
-    watch.excuse(20.0)
+def test_silence_while_no_one_listened_is_no_loss(watch):
+    watch.restart(20.0)
     assert watch.check(20.25) is None
     assert watch.check(20.251) == Fact(Kind.SILENT, (3,))
-    watch.excuse(30.0)
+    watch.restart(30.0)
     assert watch.lost, "what was lost before must be heard first"
 
 
