@@ -212,5 +212,5 @@ class BootableDrives(Drives, Protocol):
     def end(self) -> None:
         """End the session: a late setpoint no longer has any effect."""
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the drives' monitoring of the master, now that the arm stays at rest."""

@@ -68,6 +68,6 @@ class CanopenArm(CanopenDrives):
         self.distrust([*known, *found])
         return sorted([*known, *found])
 
-    def let_go(self) -> None:
-        """Disable the drives' monitoring of the master, as `DriveBoot.let_go`."""
-        self.boot.let_go()
+    def disable_monitoring(self) -> None:
+        """Disable the drives' monitoring of the master, as `DriveBoot.disable_monitoring`."""
+        self.boot.disable_monitoring()

@@ -38,7 +38,7 @@ class Inbox:
         on_node: Callable[[], None],
         on_bus_off: Callable[[], None],
     ) -> None:
-        """masters_own: identifiers that only this master may send. on_sdo receives the SDO answer
+        """master_ids: identifiers that only this master may send. on_sdo receives the SDO answer
         of a node; on_node is called when the state of a node has changed, on_bus_off on bus-off.
         Raises ConfigurationError if a PDO layout does not fit."""
         self.answers = Answers(drives, report, period_s)

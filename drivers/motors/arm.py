@@ -147,7 +147,7 @@ class MotorArm(MotorTick):
                 "off, or restart the daemon after a fault"
             )
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the timeouts of all motors: those that hold keep holding. Raises the first
         DriveError after all are written."""
         setup = self._setup(self._wire, lambda: self._beat(lambda: None))

@@ -58,7 +58,7 @@ class MotorTick:
         self._measured = [math.nan] * n  # plausible positions of the motors
         self._stopping = [True] * n
         self._reported = [UNREPORTED] * n  # last reported statuses
-        self._let_go = [True] * n  # motors without power by our command
+        self._released = [True] * n  # motors without power by our command
         self._unset: set[int] = set()
         self._behind: dict[int, Frame] = {}  # frame to send after the joint's first setpoint
         self._backlog = False
@@ -160,7 +160,7 @@ class MotorTick:
                     self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
             before, self._reported[i] = self._reported[i], status
-            news, text = news_of(before, status, let_go=self._let_go[i])
+            news, text = news_of(before, status, released=self._released[i])
             if news is Kind.RESTARTED:
                 self._unset.add(i)
             if news is not None:
@@ -190,7 +190,7 @@ class MotorTick:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(
-            *self._stops.step(self._now, targets, self.samples, velocity, self._let_go)
+            *self._stops.step(self._now, targets, self.samples, velocity, self._released)
         )
         self._measured = self.replies.witnessed.tolist()
         frames: list[Frame] = []
@@ -227,7 +227,7 @@ class MotorTick:
             frames.append(behind)
         self.replies.pending[i] = int(not asks)  # a lost feedback is not awaited any longer
         commands, lets_go = self._power_commands(i, target, status, reset, at=at)
-        self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
+        self._released[i] = lets_go or (self._released[i] and state is not State.ON)
         frames += commands
         self.replies.pending[i] += len(commands)
 
@@ -274,7 +274,7 @@ class MotorTick:
 
     @property
     def master_timeout_passed(self) -> bool:
-        """False: these motors are never left alone."""
+        """False: the daemon never falls silent for these motors."""
         return False
 
     def end(self) -> None:

@@ -131,7 +131,7 @@ class DriveBoot:
         timeout_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
         return _Beat(network, self.master_node, timeout_s / BEATS, meanwhile)
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the drives' monitoring of the master's heartbeat (0x1016:1 = 0) after the last
         tick.
 

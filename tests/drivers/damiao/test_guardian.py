@@ -203,7 +203,7 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
     if left:
         with rig.lockstep.serving():
-            rig.drives.let_go()
+            rig.drives.disable_monitoring()
     without_the_daemon(rig, 0.9)
     assert guardian(rig).guardian.activity is Activity.HOLDS
     furthest = without_the_daemon(rig, 3.0)
@@ -213,7 +213,7 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
 
 def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig) -> None:
     with rig.lockstep.serving():
-        rig.drives.let_go()
+        rig.drives.disable_monitoring()
     guardian(rig).killed = True
     c = rig.robot.configuration
     drives = build_motors(

@@ -199,7 +199,7 @@ def test_letting_go_commands_every_drive_even_if_one_is_gone(bench, setups):
     elsewhere = replace(drive, wiring=msgspec.structs.replace(drive.wiring, node=99))
     gone = replace(setups[2], drive=elsewhere)
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).let_go()
+        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).disable_monitoring()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
 
