@@ -293,5 +293,5 @@ class CanopenDrives:
         return tuple(self.names[i] for i in joints)
 
     def _hear_sdo(self, node: int, data: bytes | bytearray) -> None:
-        self._stops.hear(node, data)
-        self._sdo_watch.hear(node, data)
+        self._stops.on_sdo(node, data)
+        self._sdo_watch.on_sdo(node, data)

@@ -108,7 +108,7 @@ class ExpeditedStop:
         data = _COMMAND_FRAMES[target] if self._step == _COMMAND else self._ask[self._step]
         return self._cob_id, data
 
-    def hear(self, data: bytes | bytearray) -> None:
+    def on_sdo(self, data: bytes | bytearray) -> None:
         """Take a frame of its SDO server; answers that match no request of this client are
         ignored."""
         if not self._ticks_left or len(data) < 8 or _PLACE.unpack_from(data) != self._place:

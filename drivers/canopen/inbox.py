@@ -99,7 +99,7 @@ class Inbox:
             self._on_sdo(can_id & NODE, data)
         elif can_id in self._master_ids:
             self._report(Fact(Kind.FOREIGN_MASTER, text=f"it sends 0x{can_id:03X}"))
-        elif found := self.nodes.hear(can_id, data, now):
+        elif found := self.nodes.on_frame(can_id, data, now):
             if not isinstance(found, Emergency):
                 self._on_node()
             self._report(found)

@@ -27,7 +27,7 @@ _QUESTION: Final = struct.pack("<B3s4x", 0x40, _PLACE)
 
 
 class SdoWatch:
-    """Watch of one arm: call `ask` in each tick that permits requests, and `hear` for answers."""
+    """Watch of one arm: call `ask` in each tick that permits requests, and `on_sdo` for answers."""
 
     def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         self._nodes = [drive.node for drive in drives]
@@ -68,7 +68,7 @@ class SdoWatch:
         self._asked_s = now
         return [(SDO_REQUEST + self._nodes[self._next], _QUESTION)]
 
-    def hear(self, node: int, data: bytes | bytearray) -> None:
+    def on_sdo(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server; an abort counts as an answer, too."""
         if data[1:4] != _PLACE or node not in self._nodes:
             return

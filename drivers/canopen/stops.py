@@ -78,10 +78,10 @@ class Stops:
         """Take over the motion history of the drives until now."""
         self._all.take_over(before._all)
 
-    def hear(self, node: int, data: bytes | bytearray) -> None:
+    def on_sdo(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server."""
         if expedited := self._by_node.get(node):
-            expedited.hear(data)
+            expedited.on_sdo(data)
 
     def begin_all(self, now: float, samples: Samples) -> list[Frame]:
         """Command every drive to stop by SDO, which needs no SYNC, whatever its setpoint was."""

@@ -55,7 +55,7 @@ class _Motor:
     hot: bool = False
     alone: bool = False  # its timeout is disabled: it was left holding on purpose
 
-    def hear(self, answer: Feedback, middle: float) -> None:
+    def on_feedback(self, answer: Feedback, middle: float) -> None:
         """Take a feedback of the motor."""
         self.enabled = answer.status.state is State.ON
         self.here = (answer.position - middle) * self.step
@@ -104,7 +104,7 @@ class Guardian:
         elif (joint := language.answering(can_id)) is not None:
             answer = language.answer_of(joint, can_id, data)
             if isinstance(answer, Feedback):
-                self._motors[joint].hear(answer, language.middle[0])
+                self._motors[joint].on_feedback(answer, language.middle[0])
         elif (of := language.time_out_of(can_id, data)) is not None:
             self._motors[of[0]].alone = not of[1]
         if (joint := language.zeroed(can_id)) is not None:

@@ -105,7 +105,7 @@ class Supervisor:
         with contextlib.suppress(CdrError):
             found = read_diagnostic_array(sample.payload.to_bytes())
             with self._lock:
-                self._fleet.hear(found, time.monotonic())
+                self._fleet.on_diagnostics(found, time.monotonic())
 
     def _touch(self, sample: zenoh.Sample) -> None:
         with contextlib.suppress(CdrError):

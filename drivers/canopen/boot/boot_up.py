@@ -272,9 +272,9 @@ class _Beat:
 def _listen_for_boot_up(network: canopen.Network, node: int) -> threading.Event:
     booted = threading.Event()
 
-    def hear(_: int, data: bytearray, __: float) -> None:
+    def on_heartbeat(_: int, data: bytearray, __: float) -> None:
         if data[:1] == b"\0":
             booted.set()
 
-    network.subscribe(HEARTBEAT + node, hear)
+    network.subscribe(HEARTBEAT + node, on_heartbeat)
     return booted
