@@ -226,8 +226,8 @@ class MotorTick:
         if (behind := self._behind.pop(i, None)) is not None:
             frames.append(behind)
         self.replies.pending[i] = int(not asks)  # a lost feedback is not awaited any longer
-        commands, lets_go = self._power_commands(i, target, status, reset, at=at)
-        self._released[i] = lets_go or (self._released[i] and state is not State.ON)
+        commands, releases = self._power_commands(i, target, status, reset, at=at)
+        self._released[i] = releases or (self._released[i] and state is not State.ON)
         frames += commands
         self.replies.pending[i] += len(commands)
 

@@ -19,11 +19,11 @@ from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import REMOTE, Wire
 from drivers.canopen.boot.heard_frames import HeardFrames
 from drivers.canopen.boot.identity import DriveIdentity
-from drivers.canopen.boot.required_objects import DriveSetup, check_drive, lacks, wanted
+from drivers.canopen.boot.required_objects import DriveSetup, check_drive, lacks, required_values
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.boot.sdo_network import sdo_network
 from drivers.canopen.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
-from drivers.canopen.boot.verification import all_wanted, deviations
+from drivers.canopen.boot.verification import all_required, deviations
 from drivers.canopen.ids import HEARTBEAT, OPERATIONAL, SYNC
 
 Progress = Callable[[str], None]
@@ -91,7 +91,7 @@ class DriveBoot:
                 setup = self.setups[i]
                 timeout_s = AGAIN_SHARE * setup.drive.profile.sdo_timeout_ms / 1000.0
                 access = self._access(network, setup, timeout_s, beat)
-                rows = all_wanted(setup, self.period_ms, self.master_node)
+                rows = all_required(setup, self.period_ms, self.master_node)
                 identity = self.identities[i] if self.identities else None
                 if problems := deviations(setup, access, rows, identity):
                     found[i] = problems
@@ -171,7 +171,7 @@ class DriveBoot:
         for setup in setups:
             timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
             access = self._access(network, setup, share * timeout_s, meanwhile)
-            rows = wanted(setup, self.period_ms, self.master_node)
+            rows = required_values(setup, self.period_ms, self.master_node)
             booted = _listen_for_boot_up(network, setup.drive.node)
             step_timeout_s = STEP_TIMEOUTS * timeout_s
             drives.append(
