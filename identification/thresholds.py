@@ -93,7 +93,7 @@ class Discarded:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ObservedRange:
     """Range of a joint's motion from which its level was identified."""
 
     speed: float
@@ -119,7 +119,7 @@ class LevelsResult:
     largest: float = float("nan")
     """|r| beyond the temporary raise of the threshold, in the motion used"""
     used_s: float = 0.0
-    seen: Seen = Seen(0.0, 0.0, 0.0)
+    seen: ObservedRange = ObservedRange(0.0, 0.0, 0.0)
     discarded: tuple[Discarded, ...] = ()
     alone_s: float = float("nan")
     """Time [s] of a largest |r| beyond `_ALONE` times the rest, which is a touch, or rare"""
@@ -194,10 +194,10 @@ def _stretches(
     return found
 
 
-def _seen(motion: Motion, i: int) -> Seen:
+def _seen(motion: Motion, i: int) -> ObservedRange:
     lower, upper = np.percentile(motion.position[:, i], [0.5, 99.5])
     speed = float(np.percentile(np.abs(motion.velocity[:, i]), 99.0))
-    return Seen(speed, float(lower), float(upper))
+    return ObservedRange(speed, float(lower), float(upper))
 
 
 def _doubted(

@@ -16,8 +16,8 @@ from drivers.canopen.events import Fact
 from drivers.canopen.expedited_stop import ExpeditedStop
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
 from drivers.canopen.settings import CanopenDrive
-from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Seen, Stage
-from drivers.stopping.watches import REPEATS, Watches, seen_in
+from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Stage, StopReading
+from drivers.stopping.watches import REPEATS, Watches, stop_reading
 
 MOVES_ON: Final = "it reports that it stops, but keeps moving"
 BEYOND: Final = "beyond its travel: power cut"
@@ -160,7 +160,7 @@ class Stops:
         self._watches[joint].begin(now, stage, speed)
         self._expedited[joint].begin()
 
-    def _seen(self, joint: int, samples: Samples) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples) -> StopReading | None:
         """Latest fresh reading of a drive; a sample, which holds more, precedes an SDO reading."""
         asked = self._expedited[joint].take()
         condition = samples.drives[joint].condition
@@ -170,8 +170,8 @@ class Stops:
             return asked
         if self._all.repeat[joint]:
             # Of repeated samples, at most the statusword is still informative.
-            return asked or (Seen(condition, math.nan) if condition in OBEYING else None)
-        return seen_in(samples, joint)
+            return asked or (StopReading(condition, math.nan) if condition in OBEYING else None)
+        return stop_reading(samples, joint)
 
     def _fall_silent(self, now: float) -> None:
         """Begin the last stage. It ends when every drive has missed our heartbeat and stopped from

@@ -13,8 +13,8 @@ from typing import Final
 from common.arrays import Vector
 from drivers.api import Event, Kind, PowerTarget, Samples
 from drivers.motors.language import MotorDrives
-from drivers.stopping.stop_watch import OBEYING, Seen, Stage
-from drivers.stopping.watches import REPEATS, Watches, seen_in
+from drivers.stopping.stop_watch import OBEYING, Stage, StopReading
+from drivers.stopping.watches import REPEATS, Watches, stop_reading
 
 _ON: Final = PowerTarget.ON
 _STRONGER: Final = {Stage.LAST: Kind.NOT_SEEN_TO_STOP, Stage.SILENCE: Kind.UNPROVED}
@@ -74,13 +74,13 @@ class Stops:
             if joints
         ]
 
-    def _seen(self, joint: int, samples: Samples, released: bool) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples, released: bool) -> StopReading | None:
         if not samples.arrived[joint]:
             return None
         if self.watches.repeat[joint]:
             condition = samples.drives[joint].condition
-            return Seen(condition, math.nan) if condition in OBEYING else None
-        seen = seen_in(samples, joint)
+            return StopReading(condition, math.nan) if condition in OBEYING else None
+        seen = stop_reading(samples, joint)
         # A limp motor is moved by a hand or the load: the torque that it reports then is noise.
         limp = released and not seen.condition.powered
         return replace(seen, current=math.nan) if limp else seen

@@ -7,7 +7,7 @@ from typing import Any, Final
 from common.arrays import Vector
 from drivers.api import PowerTarget, Samples
 from drivers.drive import Drive
-from drivers.stopping.stop_watch import Seen, StopBounds, StopWatch
+from drivers.stopping.stop_watch import StopBounds, StopReading, StopWatch
 from drivers.stopping.travel import least_master_timeout_s, stage_ticks, worst_travel
 
 REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
@@ -90,10 +90,10 @@ class Watches:
             watch.witness = old.witness
 
 
-def seen_in(samples: Samples, joint: int) -> Seen:
+def stop_reading(samples: Samples, joint: int) -> StopReading:
     """Reading of one drive from the samples of the arm."""
     motors = samples.motor_position
-    return Seen(
+    return StopReading(
         samples.drives[joint].condition,
         float(samples.motor_velocity[joint]),
         float(samples.current[joint]),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers.api import DriveCondition, PowerTarget
 from drivers.canopen.codec import link_side
 from drivers.canopen.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
-from drivers.stopping.stop_watch import Seen
+from drivers.stopping.stop_watch import StopReading
 from drivers.wiring import Harmonic
 from tests.examples import scaled
 
@@ -167,7 +167,7 @@ def test_no_frame_makes_an_exception(joint_drives, frames: list[bytes]) -> None:
         stop.request(STOP)
         stop.on_sdo(frame)
         seen = stop.take()
-        assert seen is None or isinstance(seen, Seen)
+        assert seen is None or isinstance(seen, StopReading)
 
 
 def test_for_when_no_one_reads_the_answers(joint_drives) -> None:
