@@ -25,7 +25,7 @@ from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.covered_range import CoveredRange
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion, MotionSettings
-from daemon.motion.path import Follower, Place
+from daemon.motion.path import Follower, PathPoint
 from daemon.motion.release import ReleaseSettings
 from daemon.protocol.replies import Check
 from daemon.tick.controller import Controller
@@ -223,7 +223,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         limits=limits_of(c),
         law=law,
         gains=Gains(row(c, lambda j: j.admittance_gain)),
-        follower=Follower(Place(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
+        follower=Follower(PathPoint(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
         model=robot.model,

@@ -116,16 +116,16 @@ def stands(path: JointPath) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Place on a path, from which a Follower can run it."""
+class PathPoint:
+    """Point of a path, from which a Follower can run it."""
 
     path: JointPath
     s: float = 0.0
 
-    def led_to(self, q: Vector) -> "Place":
-        """Place at which the path continues from q (n,) [rad]."""
+    def led_to(self, q: Vector) -> "PathPoint":
+        """Point at which the path continues from q (n,) [rad]."""
         path = self.path.led_to(q)
-        return self if path is self.path else Place(path)
+        return self if path is self.path else PathPoint(path)
 
     def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
         """Mask (n,) of joints whose path from here on, continued from q, leaves [lower, upper]; a
@@ -163,9 +163,9 @@ class Place:
 
 @dataclass(slots=True)
 class Follower:
-    """Follower of one path: its place, its rate, and the origin that the path is anchored to."""
+    """Follower of one path: its point, its rate, and the origin that the path is anchored to."""
 
-    place: Place
+    place: PathPoint
     ramp_s: float
     _rate: float = 0.0  # ds/dt: 0 at standstill, 1 at full speed
     _origin: Vector = field(default_factory=lambda: np.zeros(0))
@@ -193,7 +193,7 @@ class Follower:
         s += 0.5 * (self._rate + rate) * dt
         if path.duration - s < LEFT_S:
             s = path.duration
-        self._rate, self.place = rate, Place(path, s)
+        self._rate, self.place = rate, PathPoint(path, s)
         return Reference(self._origin + path.offset(s), path.slope(s) * rate)
 
 

@@ -18,7 +18,7 @@ from daemon.modes.table import ARMABLE, GUIDED, YIELDING, Event, Mode, refusal
 from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
-from daemon.motion.path import JointPath, Place
+from daemon.motion.path import JointPath, PathPoint
 from daemon.motion.target_stream import CAUSES, ENDED_S, Phase, TargetStream
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
@@ -100,10 +100,10 @@ class Controller:
         self._apply(event, f"{event.value}{what} by {who}", time_s)
         return []
 
-    def next_place(self, path: JointPath | None = None) -> Place:
-        """Place of the trajectory, or the one at which `start` would begin it."""
+    def next_place(self, path: JointPath | None = None) -> PathPoint:
+        """Point of the trajectory, or the one at which `start` would begin it."""
         if path is not None:
-            return Place(path)
+            return PathPoint(path)
         goes_on = self.machine.moving or self.machine.paused
         return self.motion.follower.place if goes_on else self._configured
 

@@ -8,7 +8,7 @@ import numpy as np
 from common.arrays import Vector
 from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
-from daemon.motion.path import ROUNDING, JointPath, Place, stands
+from daemon.motion.path import ROUNDING, JointPath, PathPoint, stands
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput
 from estimator.walls import SINKS_M, Walls
@@ -89,7 +89,7 @@ def touched(observed: ControlInput, path: JointPath, *, armed: bool, blind: bool
     return [f"{observed.touched}: free it first"] if halts else []
 
 
-def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: PathPoint) -> list[str]:
     """Reasons against `start`: joints that are not where the path begins, otherwise those that it
     would move out of their limits; then the command that moves the arm to a valid start."""
     astray, begin = _astray(joints, q, place), place.path.begin
@@ -104,12 +104,12 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     return reasons
 
 
-def leads_through(walls: Walls | None, q: Vector, place: Place) -> Meeting | None:
+def leads_through(walls: Walls | None, q: Vector, place: PathPoint) -> Meeting | None:
     """First collision of shapes on a path from q (n,) [rad], a reason against `start`; or None."""
     return next(filter(None, looked_ahead(walls, q, place)), None)
 
 
-def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeting | None]:
+def looked_ahead(walls: Walls | None, q: Vector, place: PathPoint) -> Iterator[Meeting | None]:
     """Check of the rest of a path from q (n,) [rad], or of its first minute if it is endless: for
     each of PLACES points, the pair that penetrates, or penetrates deeper than before, if any."""
     if walls is None or not walls.clearance.pairs:
@@ -151,7 +151,7 @@ def way_to(joints: Sequence[str], there: Vector) -> str:
     return f"`contactctl go {words}` leads there"
 
 
-def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
+def _astray(joints: Sequence[str], q: Vector, place: PathPoint) -> list[str]:
     astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
     return [
         f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
@@ -161,7 +161,7 @@ def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
     ]
 
 
-def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: PathPoint) -> list[str]:
     """Reasons for each joint that the rest of the path would move out of its limits, from q (n,)
     [rad]."""
     beyond = place.leaves_limits(q, limits.lower, limits.upper)
