@@ -72,7 +72,7 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     from daemon.config.digests import digests
     from daemon.config.identified import IdentifiedPayload
     from daemon.config.vectors import row
-    from daemon.config.worst_loads import Carrying
+    from daemon.config.worst_loads import PayloadCapacity
     from estimator.payload import Payload
     from identification.log_checks import refuse_implausible
     from identification.payload_fit import PayloadVerdict, identify_payload
@@ -92,7 +92,7 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     line = Line(name, fit.verdict.value, good, _figures(fit, model.hand), fit.reason)
     if line.good:
         load = Payload.of(round(fit.mass, 4), [round(float(x), 4) for x in fit.com])
-        if weak := Carrying(c, model).too_heavy(load):
+        if weak := PayloadCapacity(c, model).too_heavy(load):
             line = replace(line, verdict="too heavy", good=False, reason="; ".join(weak))
         else:
             payloads[name] = IdentifiedPayload(
