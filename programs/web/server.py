@@ -19,7 +19,7 @@ from programs.web.elsewhere_routes import ElsewhereRoutes, Others
 from programs.web.guard import (
     COOKIE,
     HEADERS,
-    Doorstep,
+    OriginRules,
     Places,
     Refusal,
     TokenCheck,
@@ -45,7 +45,7 @@ class Settings:
     """Settings from the command line."""
 
     view_sockets: tuple[Path, ...]
-    doorstep: Doorstep
+    origin_rules: OriginRules
     token: str
     read_only: bool
     recordings: Path | None  # None: recording is not offered
@@ -77,7 +77,7 @@ class Site:
             RecordingRoutes(self.recorder, self._arm).add_to(app.router)
         if self.others:
             ElsewhereRoutes(self.others).add_to(app.router)
-        PageRoutes(self.token, self._address, tls=self.settings.doorstep.tls).add_to(app.router)
+        PageRoutes(self.token, self._address, tls=self.settings.origin_rules.tls).add_to(app.router)
         app.cleanup_ctx.append(self._running)
         return app
 
@@ -165,7 +165,9 @@ class Site:
 
     def _refusal(self, request: web.Request) -> Refusal | None:
         upgrades = request.path.startswith("/live/")
-        refusal = self.settings.doorstep.refusal(request.method, request.headers, upgrades=upgrades)
+        refusal = self.settings.origin_rules.refusal(
+            request.method, request.headers, upgrades=upgrades
+        )
         if refusal is not None:
             return refusal
         open_to_all = request.path in ("/", "/enter", "/page.css", "/icon.svg")
