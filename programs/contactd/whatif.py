@@ -18,7 +18,7 @@ from programs.contactd.whatif_words import counted, lines
 from programs.recordings.detection import Detection, Point, Total
 from programs.recordings.html import filled
 from programs.recordings.labels import labels_of, proposed, read_labels, template
-from programs.recordings.many import Asked, answers, recordings_in
+from programs.recordings.many import LabelledRecording, answers, recordings_in
 from programs.recordings.question import ARM, Answer, Question
 from programs.recordings.reading import read_contents
 from programs.recordings.settings import parse_change
@@ -63,7 +63,7 @@ def print_whatif(request: Request) -> bool:
     labels = read_labels(request.labels) if request.labels else {}
     alone = len(files) == 1
     asked = [
-        Asked(str(recording), tuple(labels_of(labels, f, alone=alone)))
+        LabelledRecording(str(recording), tuple(labels_of(labels, f, alone=alone)))
         for recording, f in read.items()
     ]
     if labels and not any(one.labels for one in asked):
