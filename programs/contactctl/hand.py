@@ -75,7 +75,7 @@ def socket_path_option() -> click.Option:
     )
 
 
-class Touch(Signed):
+class HandCommand(Signed):
     """Command of the hand, with --hand-socket."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
@@ -83,13 +83,13 @@ class Touch(Signed):
         self.params.append(socket_path_option())
 
 
-class Touches(InOrder):
+class HandCommands(InOrder):
     """Group of the hand's commands."""
 
-    command_class = Touch
+    command_class = HandCommand
 
 
-@click.group(cls=Touches, params=[socket_path_option()])
+@click.group(cls=HandCommands, params=[socket_path_option()])
 @click.pass_context
 def hand(context: click.Context) -> None:
     """Touch a simulated arm, live: control the hand in `contactd simulate`.
