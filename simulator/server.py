@@ -16,7 +16,7 @@ from common.errors import BusError
 from simulator.arm import SimulatedArm
 from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.events import Happening
+from simulator.events import SimulationEvent
 from simulator.hand_script import AnyAct
 from simulator.hand_socket import HandSocket
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
@@ -85,9 +85,9 @@ class RealTimeArm:
     def _report_lag(self, now: float, text: str) -> None:
         if now - self._reported_s > 1.0:
             self._reported_s = now
-            self.report(Happening(self.arm.now, "server", text))
+            self.report(SimulationEvent(self.arm.now, "server", text))
 
-    def report(self, event: Happening) -> None:
+    def report(self, event: SimulationEvent) -> None:
         """Write an event as a JSON line `{monotonic_s, simulated_s, kind, text}`."""
         if self._events is not None:
             line = {
@@ -165,7 +165,7 @@ class Server:
             self.close()
             raise
         self.arm = self._real_time.arm
-        self._real_time.report(Happening(0.0, "server", f"listening on {host}:{self.port}"))
+        self._real_time.report(SimulationEvent(0.0, "server", f"listening on {host}:{self.port}"))
 
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set."""
@@ -272,7 +272,7 @@ def serve_on_bus(
                 real_time.arm.receive(message)
                 message = bus_end.receive(0.0)
             while reports:
-                real_time.report(Happening(real_time.arm.now, "server", reports.pop(0)))
+                real_time.report(SimulationEvent(real_time.arm.now, "server", reports.pop(0)))
     finally:
         bus_end.close()
 

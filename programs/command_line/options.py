@@ -122,7 +122,7 @@ def json_option(callback: Any = None) -> click.Option:
     )
 
 
-class InOrder(click.Group):
+class OrderedGroup(click.Group):
     """Group that lists its commands in the order of definition, which is that of use."""
 
     command_class = Signed
@@ -141,7 +141,7 @@ class InOrder(click.Group):
         return super().resolve_command(ctx, args)
 
 
-class Group(InOrder):
+class Group(OrderedGroup):
     """Group that reports a ContactdError in one line on stderr with its exit status."""
 
     command_class = Command

@@ -11,7 +11,7 @@ import click
 
 from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
-from programs.command_line.options import PATH, InOrder, Range, Signed
+from programs.command_line.options import PATH, OrderedGroup, Range, Signed
 
 PATIENCE_S = 5.0
 AXES = ("x", "y", "z")
@@ -83,7 +83,7 @@ class HandCommand(Signed):
         self.params.append(socket_path_option())
 
 
-class HandCommands(InOrder):
+class HandCommands(OrderedGroup):
     """Group of the hand's commands."""
 
     command_class = HandCommand

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from programs.recordings.detection import Detection, Total
-from programs.recordings.question import ARM, Answer, Candidate, Question
+from programs.recordings.question import ARM, Answer, FoundContact, Question
 
 ROWS_SHOWN: Final = 24
 CONTACTS_SHOWN: Final = 12
@@ -73,7 +73,7 @@ def _recording(question: Question, answer: Answer) -> list[str]:
     return report
 
 
-def _contacts(name: str, found: Sequence[Candidate]) -> list[str]:
+def _contacts(name: str, found: Sequence[FoundContact]) -> list[str]:
     if not found:
         return [f"  {name:12} no contact"]
     rows = [

@@ -26,7 +26,7 @@ from daemon.config.load import load_robot
 from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.dashboard import Dashboard, History
-from programs.demo.demo_story import Story, touch_of
+from programs.demo.demo_story import RunFigures, touch_of
 from simulator.hand_script import read_script
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -94,12 +94,12 @@ def run_demo(
         events = [json.loads(line) for line in said.splitlines()]
     assert run.snapshot is not None
     touch = touch_of(events, read_script(where / HAND))
-    story = Story(robot.configuration, run.snapshot, run.states, touch)
-    report = story.report(ended_well=daemon_ended and sim.returncode == 0)
+    figures = RunFigures(robot.configuration, run.snapshot, run.states, touch)
+    report = figures.report(ended_well=daemon_ended and sim.returncode == 0)
     if as_json:
         click.echo(json.dumps(report))
     else:
-        _print_report(console, story, robot.model.hand, report["pass"], ended=daemon_ended)
+        _print_report(console, figures, robot.model.hand, report["pass"], ended=daemon_ended)
         if file is not None:
             console.print(f"recorded: {file} (`contactd plot {file}`)", soft_wrap=True)
     return bool(report["pass"])
@@ -256,15 +256,17 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _print_report(console: Console, story: Story, frame: str, passed: bool, *, ended: bool) -> None:
+def _print_report(
+    console: Console, figures: RunFigures, frame: str, passed: bool, *, ended: bool
+) -> None:
     table = Table(title="The third experiment", title_justify="left", box=None, pad_edge=False)
     for column in ("", "expected", "measured"):
         table.add_column(column)
-    for check in story.checks():
+    for check in figures.checks():
         table.add_row("[green]yes[/]" if check.happened else "[red]NO[/]", check.what, check.figure)
     table.add_row("[green]yes[/]" if ended else "[red]NO[/]", "the processes ended properly", "")
     console.print(table)
-    report = story.report(ended_well=ended)
+    report = figures.report(ended_well=ended)
     late, work = report["lateness_us"], report["tick_us"]
     console.print(
         f"\nloop: {report['ticks']} ticks, {report['missed']} missed; wake-up lateness "
@@ -272,7 +274,7 @@ def _print_report(console: Console, story: Story, frame: str, passed: bool, *, e
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"
     )
-    if words := story.force(frame):
+    if words := figures.force(frame):
         console.print(words, soft_wrap=True)
     console.print(verdict(passed, report["missed"]))
 

@@ -63,7 +63,7 @@ def percentiles(values: Sequence[float]) -> dict[str, float]:
     return {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(max(values), 1)}
 
 
-class Story:
+class RunFigures:
     """Figures of one run, computed from its States."""
 
     def __init__(

@@ -97,7 +97,7 @@ def test_each_phase_is_shown_once_and_enter_rejoins(
     entered = itertools.chain([False, True, True], itertools.repeat(False))
     monkeypatch.setattr(command, "_entered", lambda: next(entered))
     stream = FakeStream()
-    command._send(iter([command.Sent([float(k)], None, float(k)) for k in range(6)]), stream)  # type: ignore[arg-type]
+    command._send(iter([command.SentTarget([float(k)], None, float(k)) for k in range(6)]), stream)  # type: ignore[arg-type]
     assert stream.rejoined == [[1.0], [2.0]]
     shown = capsys.readouterr()
     assert [line.partition(":")[0] for line in shown.out.splitlines()] == [
