@@ -173,7 +173,7 @@ class Commands:
         except TrajectoryError as error:
             return self._reply(request, [str(error)])
         # All warnings, before the arm starts.
-        seen, way = self._coverage_warnings(PathPoint(path)), poses.way(path)
+        seen, way = self._coverage_warnings(PathPoint(path)), poses.planned_path(path)
         warnings = [*seen, *poses.short_of(path)]
         reasons = self.permission.checks.unsettled()
         if request.plan:

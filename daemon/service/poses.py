@@ -10,7 +10,7 @@ from daemon.config.load import Robot
 from daemon.config.vectors import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
-from daemon.protocol.replies import Way
+from daemon.protocol.replies import PlannedPath
 from daemon.protocol.requests import Go
 from daemon.tick.refusals import START_TOLERANCE
 
@@ -58,9 +58,9 @@ class Poses:
             f"the way to {name}", q.copy(), goal, speed, self._limits, self._ramp_s
         )
 
-    def way(self, path: PosePath) -> Way:
+    def planned_path(self, path: PosePath) -> PlannedPath:
         """Description of the path, for a person to check before the arm moves."""
-        return Way(
+        return PlannedPath(
             name=path.name,
             joints=self.joints,
             start=path.start.tolist(),

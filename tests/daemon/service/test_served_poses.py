@@ -14,7 +14,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.replies import Check, Status, Trajectory, Way
+from daemon.protocol.replies import Check, PlannedPath, Status, Trajectory
 from daemon.protocol.requests import Go, Request, Stop
 from daemon.service.poses import Poses
 from daemon.service.status import ASK_AGAIN
@@ -71,7 +71,7 @@ def test_it_goes_there_and_says_what_it_does(
     ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
 )
 def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
-    way = Way(
+    way = PlannedPath(
         name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0,
         shapes=shapes,
     )  # fmt: skip
