@@ -8,7 +8,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration, Joint
 from estimator.model import Model
-from identification.direct_friction import to_and_fro
+from identification.direct_friction import grouped_strokes
 from identification.excitation import point_to_point, soft_run
 from programs.identify.live_arm import LiveArm
 from programs.identify.measured import Measured
@@ -75,7 +75,7 @@ def measure_directly(arm: LiveArm, joints: Sequence[str]) -> Measured:
     for name in joints:
         i = c.joint_names.index(name)
         path, planned = direct_motion(c, arm.model, i, arm.link_position())
-        done = 0 if before is None else len(to_and_fro(before, i, 1.0, 0.0))
+        done = 0 if before is None else len(grouped_strokes(before, i, 1.0, 0.0))
         if done < _ENOUGH * planned:
             between = f"{path[:, i].min():z.2f} and {path[:, i].max():z.2f} rad"
             arm.show(f"Poses within 70 % of every range; there {name} alone, between {between}. "
