@@ -42,7 +42,7 @@ class Strokes:
 
     about: float
     """Link position of that pose [rad]"""
-    way: float
+    travel: float
     """distance of the motor from end to end [rad]"""
     speed: float
     """[rad/s]"""
@@ -71,10 +71,10 @@ def search(
     half, about, moves = max(guess, 0.002), start, 0
     fastest = float(np.clip(SPEED * _PERIOD_S / period_s, _SLOWEST, SPEED))
 
-    def strokes(way: float, speed: float, count: int) -> Strokes:
-        way = min(way, room[1] - room[0])
-        inside = np.clip(about, room[0] + 0.5 * way, room[1] - 0.5 * way)
-        return Strokes(float(inside), way, speed, count)
+    def strokes(travel: float, speed: float, count: int) -> Strokes:
+        travel = min(travel, room[1] - room[0])
+        inside = np.clip(about, room[0] + 0.5 * travel, room[1] - 0.5 * travel)
+        return Strokes(float(inside), travel, speed, count)
 
     while True:
         log = yield strokes(2.0 * half + _BEYOND, fastest, _SCOUTS)

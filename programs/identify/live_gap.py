@@ -40,7 +40,7 @@ def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
             arm.forget(f"way-{joint}")
         arm.forget(step)
         here = arm.link_position()
-        text = f"{joint} moves by {1e3 * asked.way:.0f} mrad"
+        text = f"{joint} moves by {1e3 * asked.travel:.0f} mrad"
         arm.move(step, text, own.path(here, asked), motors_only=True, **how)
         return arm.read(step, gap_of=joint).log
 
