@@ -161,7 +161,7 @@ class Motion:
 
     def opposed(self, thresholded: Vector) -> bool:
         """True if the thresholded residual (n,) [Nm] pushes against the line."""
-        return self.under_way and float(self._line.way @ thresholded) < 0.0
+        return self.under_way and float(self._line.displacement @ thresholded) < 0.0
 
     # --- one tick ------------------------------------------------------------------------------
 

@@ -80,7 +80,7 @@ class Poses:
             f"{joint} may stop up to {short[i]:.3f} rad short of {goal[i]:.3f}: nearer to its "
             f"limit its link could fall beyond, through its gap"
             for i, joint in enumerate(self.joints)
-            if path.way[i] and short[i] > WARNED_RAD
+            if path.displacement[i] and short[i] > WARNED_RAD
         ]
 
     def _requested(self, request: Go) -> tuple[str, dict[str, float]]:
