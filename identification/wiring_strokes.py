@@ -48,41 +48,37 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     ways = []
     for a, b in itertools.pairwise(edges):
         if direction[a] and b - a >= 10:
-            motor_travel = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            motor = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
             if log.motor_position is not None:  # a coarse velocity is off by half a count, steadily
                 by_position = direction[a] * log.motor_position[a:b, joint]
-                if by_position[-1] - by_position[0] > _MEASURED * motor_travel[-1]:
-                    motor_travel = np.maximum.accumulate(by_position)
-            ways.append((a, motor_travel - motor_travel[0], direction[a] * (q[a:b] - q[a])))
-    longest = max((float(motor_travel[-1]) for _, motor_travel, _ in ways), default=0.0)
+                if by_position[-1] - by_position[0] > _MEASURED * motor[-1]:
+                    motor = np.maximum.accumulate(by_position)
+            ways.append((a, motor - motor[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(motor[-1]) for _, motor, _ in ways), default=0.0)
     strokes = []
-    for a, motor_travel, link_travel in ways:
-        total = float(motor_travel[-1])
+    for a, motor, link in ways:
+        total = float(motor[-1])
         if total < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
         piece = min(0.5 * total, PIECE)
-        found = [_stroke(a, motor_travel, link_travel, end - piece, end, bool(direction[a] > 0.0))
+        found = [_stroke(a, motor, link, end - piece, end, bool(direction[a] > 0.0))
                  for end in np.arange(total, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 
 
 def _stroke(
-    first: int, motor_travel: Vector, link_travel: Vector, begin: float, end: float, upward: bool
+    first: int, motor: Vector, link: Vector, begin: float, end: float, upward: bool
 ) -> Stroke:
     """Motion of motor and link while the motor turned from `begin` to `end`."""
-    a, middle, b = np.searchsorted(motor_travel, [begin, 0.5 * (begin + end), end]).tolist()
-    b = min(b, len(motor_travel) - 1)
-    early = (link_travel[middle] - link_travel[a]) / max(
-        motor_travel[middle] - motor_travel[a], 1e-9
-    )
-    late = (link_travel[b] - link_travel[middle]) / max(
-        motor_travel[b] - motor_travel[middle], 1e-9
-    )
+    a, middle, b = np.searchsorted(motor, [begin, 0.5 * (begin + end), end]).tolist()
+    b = min(b, len(motor) - 1)
+    early = (link[middle] - link[a]) / max(motor[middle] - motor[a], 1e-9)
+    late = (link[b] - link[middle]) / max(motor[b] - motor[middle], 1e-9)
     return Stroke(
         rows=slice(first + a, first + b + 1),
-        motor_travel=float(motor_travel[b] - motor_travel[a]),
-        link_travel=float(link_travel[b] - link_travel[a]),
+        motor_travel=float(motor[b] - motor[a]),
+        link_travel=float(link[b] - link[a]),
         steady=bool(abs(late - early) < _STEADY),
         upward=upward,
     )
@@ -100,5 +96,5 @@ def between(strokes: list[Stroke]) -> tuple[float, float]:
 def follows_by(strokes: list[Stroke]) -> float:
     """Motion of the link over that of the motor where the gear carried; NaN if it never did."""
     carried = [s for s in strokes if s.carried]
-    motor_travel = sum(s.motor_travel for s in carried)
-    return sum(s.link_travel for s in carried) / motor_travel if motor_travel else float("nan")
+    motor = sum(s.motor_travel for s in carried)
+    return sum(s.link_travel for s in carried) / motor if motor else float("nan")

@@ -43,9 +43,9 @@ class RealTimeArm:
         send: Callable[[can.Message], None],
         hand_script: Sequence[AnyAct],
         events: BinaryIO | None,
-        hand_socket: HandSocket | None = None,
+        hand: HandSocket | None = None,
     ) -> None:
-        self._events, self._hand_socket = events, hand_socket
+        self._events, self._hand = events, hand
         self._origin = time.monotonic()
         self.arm = SimulatedArm(
             description, settings, send, hand_script=hand_script, on_event=self.report
@@ -71,8 +71,8 @@ class RealTimeArm:
                 self.arm.skip(now - self._origin - PULSE_S)
                 self._report_lag(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
-        if self._hand_socket is not None:
-            self._hand_socket.serve(self.arm.hand.take)
+        if self._hand is not None:
+            self._hand.serve(self.arm.hand.take)
         self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
 
@@ -138,10 +138,10 @@ class Server:
         port: int = 29536,
         hand_script: Sequence[AnyAct] = (),
         events: BinaryIO | None = None,
-        hand_socket: HandSocket | None = None,
+        hand: HandSocket | None = None,
     ) -> None:
         """Raises BusError if the port is not available; port 0 selects a free one, see `port`.
-        hand_socket: socket for requests to the hand."""
+        hand: socket for requests to the hand."""
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -159,7 +159,7 @@ class Server:
         self._selector.register(self._listener, selectors.EVENT_READ)
         try:
             self._real_time = RealTimeArm(
-                description, settings, self._broadcast, hand_script, events, hand_socket
+                description, settings, self._broadcast, hand_script, events, hand
             )
         except Exception:
             self.close()
@@ -252,7 +252,7 @@ def serve_on_bus(
     channel: str,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
-    hand_socket: HandSocket | None = None,
+    hand: HandSocket | None = None,
     stop: threading.Event | None = None,
 ) -> None:
     """Simulate the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; a lost bus is
@@ -261,9 +261,7 @@ def serve_on_bus(
     reports: list[str] = []
     bus_end = BusEnd(interface, channel, reports.append)
     try:
-        real_time = RealTimeArm(
-            description, settings, bus_end.send, hand_script, events, hand_socket
-        )
+        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events, hand)
         while not stop.is_set():
             message = bus_end.receive(PULSE_S)
             real_time.live()

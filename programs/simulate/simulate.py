@@ -36,11 +36,7 @@ def run_simulation(
     go_realtime()
     bus = robot.configuration.bus
     with _live_hand(socket) as live:
-        both: dict[str, Any] = {
-            "hand_script": script,
-            "events": sys.stdout.buffer,
-            "hand_socket": live,
-        }
+        both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "hand": live}
         match bus.interface:
             case "socketcand":
                 serve(Server(description, settings, host=bus.host, port=bus.port, **both))

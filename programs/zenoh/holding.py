@@ -67,51 +67,49 @@ class Hold:
     # Sending and arrival times of first calls, by caller.
     _first_calls: dict[bytes, tuple[float, float]] = field(default_factory=dict)
 
-    def judge(self, request: ArmCall, now_s: float) -> Verdict:
+    def judge(self, call: ArmCall, now_s: float) -> Verdict:
         """Verdict on a call at time `now_s`."""
-        if not request.armed:
+        if not call.armed:
             return Verdict(Step.DISARM)
-        if request.caller == self._holder and now_s >= self._until_s:
+        if call.caller == self._holder and now_s >= self._until_s:
             self.lose()
-        if request.caller == self._holder:
-            late_s = self._late_s(request.sent_s, now_s)
+        if call.caller == self._holder:
+            late_s = self._late_s(call.sent_s, now_s)
             if HOLD_S - late_s < LEAST_S:
                 return Verdict(Step.NOTHING, why=f"{late_s:.1f} s later than its fastest call")
             return Verdict(Step.RENEW, HOLD_S - late_s)
-        return self._of_another(request, now_s)
+        return self._of_another(call, now_s)
 
-    def _of_another(self, request: ArmCall, now_s: float) -> Verdict:
+    def _of_another(self, call: ArmCall, now_s: float) -> Verdict:
         """Verdict on a call with true from a caller that does not hold the arm."""
-        if request.caller in self._lost:
+        if call.caller in self._lost:
             return Verdict(Step.NOTHING, why=RELEASE_FIRST)
         if self._holder is not None and now_s < self._until_s:
             return Verdict(Step.NOTHING, why="another client keeps it armed")
-        if not self._is_live(request, now_s):
+        if not self._is_live(call, now_s):
             return Verdict(Step.NOTHING, why=ONCE)
         return Verdict(Step.ARM, HOLD_S)
 
-    def _is_live(self, request: ArmCall, now_s: float) -> bool:
+    def _is_live(self, call: ArmCall, now_s: float) -> bool:
         """True if calls arrive at the intervals at which they were sent. A router that hung
         delivers its backlog at once, perhaps from a caller that is gone."""
-        sent_s, came_s = self._first_calls.get(
-            request.caller, (request.sent_s, now_s - 2.0 * HOLD_S)
-        )
+        sent_s, came_s = self._first_calls.get(call.caller, (call.sent_s, now_s - 2.0 * HOLD_S))
         apart_s = now_s - came_s
-        if apart_s > HOLD_S or abs(apart_s - (request.sent_s - sent_s)) > WOBBLE_S:
-            self._first_calls.pop(request.caller, None)
+        if apart_s > HOLD_S or abs(apart_s - (call.sent_s - sent_s)) > WOBBLE_S:
+            self._first_calls.pop(call.caller, None)
             if len(self._first_calls) >= MOST_FIRST_CALLS:
                 del self._first_calls[next(iter(self._first_calls))]
-            self._first_calls[request.caller] = (request.sent_s, now_s)
+            self._first_calls[call.caller] = (call.sent_s, now_s)
             return False
         return apart_s >= FIRST_CALL_S
 
-    def granted(self, request: ArmCall, lease_s: float, now_s: float) -> None:
+    def granted(self, call: ArmCall, lease_s: float, now_s: float) -> None:
         """Record that the daemon carried out the verdict on a call with true."""
-        if request.caller != self._holder:
+        if call.caller != self._holder:
             self.lose()
-            self._holder = request.caller
-            self._first_calls.pop(request.caller, None)
-            self._offset_s, self._read_s = now_s - request.sent_s, now_s
+            self._holder = call.caller
+            self._first_calls.pop(call.caller, None)
+            self._offset_s, self._read_s = now_s - call.sent_s, now_s
         self._until_s = now_s + lease_s
 
     def lose(self) -> None:
