@@ -37,7 +37,7 @@ class ConnectionLimiter:
             other = self._makes_room(address)
             if other is None:
                 return False
-            other.hang_up()
+            other.abort()
         self._movable[connection] = address
         return True
 
@@ -70,7 +70,7 @@ class BoundedConnection(asyncio.Protocol):
         self._end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take a place, or hang up."""
+        """Take a place, or abort."""
         assert isinstance(transport, asyncio.Transport)
         peer = transport.get_extra_info("peername")
         address = peer[0] if isinstance(peer, tuple) else ""  # empty for unix sockets
@@ -108,7 +108,7 @@ class BoundedConnection(asyncio.Protocol):
         if self._address is not None:
             self._limiter.release(self, self._address)
 
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Give the place back and abort the connection."""
         if self._address is None or self._transport is None:
             return

@@ -165,7 +165,7 @@ async def serving(
         yield site
     finally:
         server.close()
-        site.hang_up()
+        site.abort()
         await runner.cleanup()
 
 

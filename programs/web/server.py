@@ -140,10 +140,10 @@ class Site:
             may_record=may and self.recorder is not None,
         )
 
-    def hang_up(self) -> None:
-        """Hang up on all browsers before the end; they reconnect by themselves."""
-        for hang_up in list(self._open):
-            hang_up()
+    def abort(self) -> None:
+        """Abort all connections of browsers before the end; they reconnect by themselves."""
+        for abort in list(self._open):
+            abort()
 
     # --- who may ask --------------------------------------------------------------------------
 
@@ -224,21 +224,21 @@ class Site:
                 if shown := self.elsewhere():
                     browser.text(shown)
 
-                def hang_up() -> None:
+                def abort() -> None:
                     """Abort the connection and discard queued messages, as it may be stuck."""
                     if request.transport is not None:
                         request.transport.abort()
 
-                self._open.add(hang_up)
-                sending = asyncio.create_task(_send(socket, browser, hang_up))
+                self._open.add(abort)
+                sending = asyncio.create_task(_send(socket, browser, abort))
                 try:
                     await _until_closed(socket)
                 finally:
-                    self._open.discard(hang_up)
+                    self._open.discard(abort)
                     arm.audience.remove(browser)
                     sending.cancel()
                     await asyncio.gather(sending, return_exceptions=True)
-                    hang_up()
+                    abort()
         finally:
             self.places.leave(address)
         return socket
@@ -253,9 +253,7 @@ class Site:
             return as_json(await carry_out(arm.path, command, who))
 
 
-async def _send(
-    socket: web.WebSocketResponse, browser: Browser, hang_up: Callable[[], None]
-) -> None:
+async def _send(socket: web.WebSocketResponse, browser: Browser, abort: Callable[[], None]) -> None:
     """Send queued messages until cancelled; hang up if the browser does not receive."""
     try:
         while True:
@@ -266,7 +264,7 @@ async def _send(
                 else:
                     await socket.send_bytes(message)
     except (TimeoutError, ConnectionError):
-        hang_up()
+        abort()
 
 
 async def _until_closed(socket: web.WebSocketResponse) -> None:
