@@ -17,7 +17,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.bounds import FASTEST, SLOWEST
 from programs.command_line.destination import destination
 from programs.command_line.options import Command, Options, Range
-from programs.command_line.questions import sure
+from programs.command_line.questions import confirmed
 from programs.command_line.sentences import say
 from programs.contactctl.replies import (
     NOT_REACHED_ON_ITS_WAY,
@@ -102,7 +102,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
             say(in_words(reply.way))
             for warning in reply.warnings:
                 say(f"  warning: {warning}", err=True)
-    if not yes and not sure("Move the arm?"):
+    if not yes and not confirmed("Move the arm?"):
         raise click.Abort
     with _interrupted() as interrupted, options.connect() as client:
         start = reply.way.start

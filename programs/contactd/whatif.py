@@ -202,11 +202,11 @@ def curve_data(one: Detection) -> dict[str, Any]:
     return {**asdict(one), "points": [known(point) for point in one.points]}
 
 
-def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable: float) -> None:
+def _write_page(target: Path, total: Total, found: Sequence[Detection], accepted: float) -> None:
     about = (
         f"{counted(len(total.answers), 'recording', 'recordings')}, "
         f"{total.watched_s / 3600:.3g} h watched, of that "
-        f"{total.outside_s / 3600:.3g} h outside of labels; acceptable: {bearable:g} per hour"
+        f"{total.outside_s / 3600:.3g} h outside of labels; acceptable: {accepted:g} per hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}
     page = filled("curves", "Detection curves", about, curves)

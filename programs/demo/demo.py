@@ -110,7 +110,7 @@ def _play(
 ) -> None:
     """Act as the operator: enable, arm, start; then watch, disarm and stop."""
     with _connect(daemon, door) as orders, _connect(daemon, door) as stream:
-        run.snapshot, states = _patiently(stream)
+        run.snapshot, states = _subscribed(stream)
         with _picture(console) as picture:
             watch = _watch(states, run, picture, quiet=console is None)
             orders.demand("enable")
@@ -134,7 +134,7 @@ def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> I
         yield
         return
     with _connect(daemon, door) as client:
-        _patiently(client)  # waits until recording is possible
+        _subscribed(client)  # waits until recording is possible
     with _process(
         "--socket", door, "record", file, of="contactctl.contactctl", out=subprocess.PIPE
     ) as process:
@@ -193,7 +193,7 @@ def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
             time.sleep(0.05)
 
 
-def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
+def _subscribed(stream: Client) -> tuple[Snapshot, Iterator[State]]:
     """Subscribe, retrying until the drives are set up, as the daemon may not answer before."""
     deadline = time.monotonic() + START_PATIENCE_S
     while True:

@@ -80,7 +80,7 @@ class LiveArm:
             path = motion.path(self.link_position(), seconds - already)
             half_gap = row(c, lambda j: j.half_gap)
             watch = SwingWatch(c.joint_names, c.control.position_gain, half_gap)
-            self.move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
+            self.move(step, "all joints move, hands off", path, watch.add, warning=discarded)
         return self.read(step)
 
     def before(self, step: str, *, residuals: bool = False) -> MotionLog | None:

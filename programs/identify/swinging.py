@@ -47,7 +47,7 @@ class SwingWatch:
         self._states: list[State] = []
         self._reported = False
 
-    def saw(self, state: State) -> str:
+    def add(self, state: State) -> str:
         """Add one State; returns the sentence once, when a limit cycle is first detected."""
         if self._reported:
             return ""

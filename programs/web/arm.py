@@ -80,7 +80,7 @@ class Arm:
         self.audience.add(browser)
         self._changed.set()
 
-    def tell(self, event: words.Event) -> None:
+    def add_event(self, event: words.Event) -> None:
         """Add an event of the page itself to the event log."""
         self._add_events([event])
 

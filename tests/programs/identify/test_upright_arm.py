@@ -39,7 +39,7 @@ def held(folder: Path, gain: float) -> tuple[Measured, list[str]]:
         states = rig.states(11.0)
         names = rig.robot.configuration.joint_names
         watch = SwingWatch(names, gain, half_gaps(rig.robot))
-        said = [text for state in states if (text := watch.saw(state))]
+        said = [text for state in states if (text := watch.add(state))]
         return from_states(states, names), said
 
 
