@@ -14,14 +14,14 @@ MAX_PACKET_BYTES: Final = 2 << 20
 ANSWER_S: Final = 2.0
 # These read back all drives before they answer, and drives that are set up again may have to boot.
 SLOW_COMMANDS: Final = frozenset({"enable", "reset"})
-SLOW_PATIENCE_S: Final = 30.0
+SLOW_TIMEOUT_S: Final = 30.0
 
 _RETRY_S = 0.0003  # retry interval if the daemon's backlog is full
 
 
 def command_timeout_s(command: str, timeout_s: float) -> float:
     """Answer timeout of `command` [s]."""
-    return max(SLOW_PATIENCE_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
+    return max(SLOW_TIMEOUT_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
 
 
 class Connection:

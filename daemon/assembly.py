@@ -139,10 +139,10 @@ def build_transmission(c: Configuration) -> Transmission:
 
 
 def build_fault_detector(c: Configuration) -> FaultDetector:
-    """Detector of faults, with the bounds and the patience that the configuration gives it."""
+    """Detector of faults, with the bounds and tolerances of the configuration."""
     s = c.supervisor
     not_sensing_ticks = tolerated_ticks(c.period_s)
-    patience = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, not_sensing_ticks)
+    tolerated = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, not_sensing_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
@@ -160,7 +160,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
     )
     return FaultDetector(
         c.joint_names,
-        patience,
+        tolerated,
         Plausibility(c.joint_names, bounds),
         Following(following, c.period_s),
         IgnoredSetpoints(bounds.current),

@@ -20,7 +20,7 @@ from daemon.tick.tick import Tick
 from drivers.api import BootableDrives
 
 # Time for the drives to reach their final state [s].
-PATIENCE_S = 1.0
+TIMEOUT_S = 1.0
 # A frame may be lost: the quick stop is sent this many times, a period apart.
 REPEATS = 3
 
@@ -38,8 +38,8 @@ def bring_to_rest(
     tick = loop.tick
     machine = tick.controller.machine
 
-    def tick_until(done: Callable[[], bool], patience_s: float) -> None:
-        end = loop.time_s + patience_s
+    def tick_until(done: Callable[[], bool], timeout_s: float) -> None:
+        end = loop.time_s + timeout_s
         loop.run(doors, lambda: not done() and loop.time_s < end)
 
     tick.controller.request(Event.DISABLE, why, loop.time_s)
@@ -47,10 +47,8 @@ def bring_to_rest(
     # is off at once, but the next tick sends this to the drives, and they latch it at the SYNC
     # after that.
     resting, heard = (Mode.OFF, Mode.FAULTED), tick.number + 2
-    tick_until(
-        lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + PATIENCE_S
-    )
-    tick_until(lambda: not _stragglers(tick), PATIENCE_S)
+    tick_until(lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + TIMEOUT_S)
+    tick_until(lambda: not _stragglers(tick), TIMEOUT_S)
     return _stragglers(tick)
 
 

@@ -163,9 +163,9 @@ class FaultDetector:
     def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
         # Disturbances may be transient: they become a fault only after some ticks.
         disturbances = [event for event in events if event.kind is Kind.DISTURBED]
-        patience = self._settings.stale_ticks
+        allowed = self._settings.stale_ticks
         if disturbances:
-            self._disturbed = min(self._disturbed + 1.0, patience)
+            self._disturbed = min(self._disturbed + 1.0, allowed)
         else:
             self._disturbed = max(self._disturbed - LEAK, 0.0)
         for event in events:
@@ -177,7 +177,7 @@ class FaultDetector:
             if event.kind is not Kind.LOADED and (condition := CONDITION_OF.get(event.kind)):
                 yield self._found(condition, event.text)
         if disturbances:
-            lasts = self._disturbed >= patience
+            lasts = self._disturbed >= allowed
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
             yield self._found(condition, disturbances[0].text)
 

@@ -30,7 +30,7 @@ from daemon.tick.telemetry import stream_state
 from drivers.api import PowerTarget
 
 # Time for a reset, after which a drive's fault counts as a new one [s].
-RESET_PATIENCE_S = 0.5
+RESET_TIMEOUT_S = 0.5
 
 
 class Controller:
@@ -219,7 +219,7 @@ class Controller:
         """True while drives are asked for a fault reset: only while nothing may move yet."""
         if self.machine.mode is not Mode.OFF or self.machine.entered_by is not Event.RESET:
             return False
-        return time_s < self.machine.entered_s + RESET_PATIENCE_S
+        return time_s < self.machine.entered_s + RESET_TIMEOUT_S
 
     def _way_back(self, q: Vector, home: Vector) -> Vector:
         """End of the way back to the trajectory (n,) [rad]: the pose at which a contact took the

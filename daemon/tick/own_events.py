@@ -154,20 +154,20 @@ class OwnEvents:
         operating = observed.operating
         if all(operating):
             return Trigger(Event.ENERGISED, "drives enabled")
-        if elapsed_s <= (patience_s := self._settings.enable_timeout_s):
+        if elapsed_s <= (timeout_s := self._settings.enable_timeout_s):
             return None
         drives = zip(self._settings.joints, operating, observed.drives, strict=True)
         late = ", ".join(f"{name} is in {drive.detail}" for name, on, drive in drives if not on)
-        text = f"the drives were not enabled within {patience_s:g} s: {late}"
+        text = f"the drives were not enabled within {timeout_s:g} s: {late}"
         return Trigger(Event.TIMEOUT, text)
 
     def _stopping(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
         still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
         if observed.recent and still.all() and not self._motion.velocity.any():
             return Trigger(Event.STANDSTILL, self._machine.cause)
-        if elapsed_s <= (patience_s := self._settings.stop_timeout_s):
+        if elapsed_s <= (timeout_s := self._settings.stop_timeout_s):
             return None
-        return Trigger(Event.TIMEOUT, f"the arm did not stop within {patience_s:g} s")
+        return Trigger(Event.TIMEOUT, f"the arm did not stop within {timeout_s:g} s")
 
     def _tracking(self, _elapsed_s: float, _observed: ControlInput) -> Trigger | None:
         if not self._motion.follower.finished:

@@ -13,7 +13,7 @@ from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
 from programs.command_line.options import PATH, OrderedGroup, Range, Signed
 
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 AXES = ("x", "y", "z")
 
 
@@ -41,7 +41,7 @@ def ask_hand(path: Path, act: dict[str, Any]) -> str:
     """Send an action to the simulated hand, and return its answer. Raises UnreachableError if no
     simulator listens, ControlError if it refuses."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(PATIENCE_S)
+        connection.settimeout(TIMEOUT_S)
         try:
             connection.connect(str(path))
             connection.sendall(json.dumps({"at_s": 0.0, **act}).encode() + b"\n")

@@ -31,10 +31,10 @@ from simulator.hand_script import read_script
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HAND = "third_experiment.yaml"
-START_PATIENCE_S = 20.0
+START_TIMEOUT_S = 20.0
 SETTLE_S = 1.5  # time at rest after the drives are enabled, before arming
-ARM_PATIENCE_S = 5.0
-END_PATIENCE_S = 10.0
+ARM_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 10.0
 FRAMES_EVERY = 10  # ticks between two frames of the dashboard
 
 
@@ -88,9 +88,9 @@ def run_demo(
             except ContactdError as error:
                 raise ControlError(f"{error}\n{log.read_text()}".rstrip()) from error
             daemon.send_signal(signal.SIGTERM)
-            daemon_ended = daemon.wait(END_PATIENCE_S) == 0
+            daemon_ended = daemon.wait(END_TIMEOUT_S) == 0
             sim.send_signal(signal.SIGTERM)
-            said, _ = sim.communicate(timeout=END_PATIENCE_S)
+            said, _ = sim.communicate(timeout=END_TIMEOUT_S)
         events = [json.loads(line) for line in said.splitlines()]
     assert run.snapshot is not None
     touch = touch_of(events, read_script(where / HAND))
@@ -115,8 +115,8 @@ def _play(
             watch = _watch(states, run, picture, quiet=console is None)
             orders.demand("enable")
             _advance(watch, run, SETTLE_S)
-            deadline = time.monotonic() + ARM_PATIENCE_S
-            while not (reply := orders.arm(seconds + ARM_PATIENCE_S, detached=True)).ok:
+            deadline = time.monotonic() + ARM_TIMEOUT_S
+            while not (reply := orders.arm(seconds + ARM_TIMEOUT_S, detached=True)).ok:
                 if time.monotonic() > deadline:
                     raise ControlError(reply.refusal)
                 _advance(watch, run, 0.2)
@@ -139,14 +139,14 @@ def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> I
         "--socket", door, "record", file, of="contactctl.contactctl", out=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
-        deadline = time.monotonic() + START_PATIENCE_S
+        deadline = time.monotonic() + START_TIMEOUT_S
         while not file.exists():
             if process.poll() is not None or time.monotonic() > deadline:
                 raise ControlError(f"{file} was not recorded")
             time.sleep(0.02)
         yield
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=END_PATIENCE_S)
+        process.communicate(timeout=END_TIMEOUT_S)
 
 
 def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
@@ -183,10 +183,10 @@ def _picture(console: Console | None) -> Iterator[Live | None]:
 
 def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
     """Connection to the daemon, as soon as its socket exists."""
-    deadline = time.monotonic() + START_PATIENCE_S
+    deadline = time.monotonic() + START_TIMEOUT_S
     while True:
         try:
-            return Client(door, START_PATIENCE_S)  # the start is slow on a busy computer
+            return Client(door, START_TIMEOUT_S)  # the start is slow on a busy computer
         except ContactdError:
             if daemon.poll() is not None or time.monotonic() > deadline:
                 raise ControlError("the daemon did not start; its output:") from None
@@ -195,7 +195,7 @@ def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
 
 def _subscribed(stream: Client) -> tuple[Snapshot, Iterator[State]]:
     """Subscribe, retrying until the drives are set up, as the daemon may not answer before."""
-    deadline = time.monotonic() + START_PATIENCE_S
+    deadline = time.monotonic() + START_TIMEOUT_S
     while True:
         try:
             return stream.subscribe()

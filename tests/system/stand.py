@@ -21,7 +21,7 @@ from programs.simulate.simulated_robot import write_truth
 
 CAN = "can0"
 SERVICE = "contactd.service"
-PATIENCE_S = 400.0
+TIMEOUT_S = 400.0
 POLL_S = 0.2
 
 CAN_BUS = {"interface": "socketcan", "channel": CAN}
@@ -40,7 +40,7 @@ def run(*command: str, check: bool = False) -> subprocess.CompletedProcess[str]:
 
 def wait_for(true: Callable[[], Any], what: str) -> Any:
     """Value of `true()` once it is true; fails after minutes, with the service's journal."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         asked = time.monotonic()
         if found := true():
