@@ -68,7 +68,7 @@ class PosePath:
         """Largest speed [rad/s]."""
         return np.abs(self.slope(s))
 
-    def led_to(self, q: Vector) -> "PosePath":
+    def continued_from(self, q: Vector) -> "PosePath":
         """Path from q (n,) [rad] to the same goal."""
         return PosePath(self.name, q.copy(), self.goal, self.speed)
 

@@ -25,7 +25,7 @@ from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
 from daemon.tick.leading import Leading
 from daemon.tick.own_events import OwnEvents
-from daemon.tick.refusals import lacking, leads_through, not_energisable, not_startable, touched
+from daemon.tick.refusals import lacking, not_energisable, not_startable, path_collision, touched
 from daemon.tick.telemetry import stream_state
 from drivers.api import PowerTarget
 
@@ -140,7 +140,7 @@ class Controller:
             reasons = touched(observed, place.path, armed=self.machine.armed, blind=blind)
             reasons = reasons or not_startable(joints, observed.q, limits, place)
             walls = None if reasons else self.motion.walls
-            self.motion.meeting = met = leads_through(walls, observed.q, place)
+            self.motion.meeting = met = path_collision(walls, observed.q, place)
             return [met.text] if met else reasons
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)

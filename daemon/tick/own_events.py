@@ -20,7 +20,7 @@ from daemon.motion.motion import Motion
 from daemon.motion.probe import Probe
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput, ControllerSettings
-from daemon.tick.refusals import leaves_limits, looked_ahead
+from daemon.tick.refusals import leaves_limits, path_collisions
 
 # Points of the path that are checked in one tick, before it resumes: half a millisecond.
 PLACES_A_TICK = 8
@@ -133,7 +133,7 @@ class OwnEvents:
         """Reasons why the trajectory cannot resume from q (n,) [rad]: shapes that it would lead
         through each other. None until the check is complete, in a later tick."""
         if self._ahead is None:
-            self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
+            self._ahead = path_collisions(self._motion.walls, q, self._motion.follower.place)
         looks = list(islice(self._ahead, PLACES_A_TICK))
         met = next(filter(None, looks), None)
         if len(looks) == PLACES_A_TICK and met is None:

@@ -157,11 +157,11 @@ def test_only_the_beginning_of_recorded_samples_asks_for_a_place() -> None:
         return np.array([9.0, b, -9.0])
 
     place = PathPoint(wave())
-    assert not place.astray(stand(0.1), 0.05).any()
-    assert not place.astray(stand(0.149), 0.05).any()
-    assert place.astray(stand(0.049), 0.05).tolist() == [False, True, False]
-    assert not PathPoint(wave(), 1.0).astray(stand(1.1), 0.05).any()
-    assert not PathPoint(PATH).astray(stand(0.1), 0.05).any()
+    assert not place.off_start(stand(0.1), 0.05).any()
+    assert not place.off_start(stand(0.149), 0.05).any()
+    assert place.off_start(stand(0.049), 0.05).tolist() == [False, True, False]
+    assert not PathPoint(wave(), 1.0).off_start(stand(1.1), 0.05).any()
+    assert not PathPoint(PATH).off_start(stand(0.1), 0.05).any()
 
 
 positions = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
