@@ -74,7 +74,7 @@ class Commands:
             why = "reads its files anew" if self.reloading else "is ending"
             return self._reply(request, [f"the daemon {why}"])
         who, now = str(owner_of(request, peer)), self.loop.time_s
-        self.attendance.heard(peer.connection, now)
+        self.attendance.record_request(peer.connection, now)
         match request:
             case requests.GetStatus():
                 reply = replace(self._reply(request), status=self._status())

@@ -71,15 +71,15 @@ class CanopenDrives:
         return self._answers.samples
 
     def start(
-        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+        self, now: float, renewed: Sequence[int] | None = None, received: Sequence[Frame] = ()
     ) -> None:
         """Set all drives that are set up to NMT operational: PDOs flow, and heartbeats are
         monitored from `now` on.
 
         renewed: joints whose drives were just set up. None means all, at the first start: queued
         frames and all history are discarded. Otherwise only messages of these drives about their
-        lost set-up are dropped; all other frames `heard` between ticks (oldest first) are reported
-        with the next samples, and the history of the other drives is kept.
+        lost set-up are dropped; all other frames `received` between ticks (oldest first) are
+        reported with the next samples, and the history of the other drives is kept.
         """
         self._now = now
         if renewed is None or len(renewed) == len(self.names) or not self._stops.silent:
@@ -97,7 +97,7 @@ class CanopenDrives:
         self._nodes.start(now, renewed)
         self._emergencies.renewed(renewed)
         # `queued` arrived after the set-up: a boot-up message among them must be reported.
-        self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
+        self._inbox.take_after_set_up(received, (HEARTBEAT, EMERGENCY), renewed or (), now)
         self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
         self._address()
         if not self._stops.silent:  # silence ends when all drives are set up again

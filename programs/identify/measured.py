@@ -40,7 +40,7 @@ class Measured:
     residual: Matrix | None = None  # (N, n) [Nm]
     raised: Matrix | None = None  # (N, n) excess of the threshold over its level at speed [Nm]
     touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual is not zero
-    unsure: NDArray[np.bool_] | None = None  # (N,) residual is outdated or restarting
+    uncertain: NDArray[np.bool_] | None = None  # (N,) residual is outdated or restarting
     reference: Matrix | None = None  # (N, n) positions [rad]; None if another controller moved it
     gain: float | None = None  # of the position loop [1/s]; None if unknown
     load: str = ""  # payload that the model included, in words
@@ -204,14 +204,14 @@ def from_states(
     log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
     thresholded = np.array([s.thresholded for s in used])
     # Residuals that are outdated or restarting, and levels raised for that, carry no information.
-    unsure = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
+    uncertain = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
     return Measured(
         log=log,
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
         raised=np.array([s.threshold for s in used]),
         touched=thresholded != 0.0,
-        unsure=unsure,
+        uncertain=uncertain,
         reference=np.array([s.reference for s in used]),
         load=str(used[-1].payload or ""),
         notes=notes,

@@ -383,7 +383,7 @@ def test_a_link_that_bounces_rests_inside_its_gap_and_the_interval_says_so():
     """Owners' joints with scatter beyond 0.2 mrad came out too small, by up to that scatter."""
     still = StrokeFit(
         alpha=0.007, compliance=0.0, bent=0.0, error=5e-5, scatter=0.0, rarer=0.5, harmonics=(),
-        coulomb=0.1, unsure=0.0, hidden=6e-5, noise=0.0,
+        coulomb=0.1, bending_error=0.0, hidden=6e-5, noise=0.0,
     )  # fmt: skip
     calm, bounces = (
         _judged("forearm", replace(still, scatter=scatter), 5, []) for scatter in (0.0, 2.4e-4)

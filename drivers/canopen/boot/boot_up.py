@@ -17,8 +17,8 @@ from common.errors import BusError, DriveError, SilentDriveError
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import REMOTE, Wire
-from drivers.canopen.boot.heard_frames import HeardFrames
 from drivers.canopen.boot.identity import DriveIdentity
+from drivers.canopen.boot.received_frames import ReceivedFrames
 from drivers.canopen.boot.required_objects import DriveSetup, check_drive, lacks, required_values
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.boot.sdo_network import sdo_network
@@ -58,7 +58,7 @@ class DriveBoot:
     """waits between two polls of a drive"""
     identities: tuple[DriveIdentity, ...] = ()
     """of the drives that were set up at the start"""
-    heard: HeardFrames = field(default_factory=HeardFrames)
+    received: ReceivedFrames = field(default_factory=ReceivedFrames)
     """frames received while drives were verified or set up again"""
 
     def boot_up(self, progress: Progress = lambda line: None) -> None:
@@ -85,7 +85,7 @@ class DriveBoot:
         counts as deviating. Raises BusError.
         """
         found: dict[int, list[str]] = {}
-        with sdo_network(self.wire, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.received) as network:
             beat = self._beat(network, meanwhile)
             for i in joints:
                 setup = self.setups[i]
@@ -113,7 +113,7 @@ class DriveBoot:
         """
         begun = time.monotonic()
         chosen = [self.setups[i] for i in joints]
-        with sdo_network(self.wire, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.received) as network:
             beat = self._beat(network, meanwhile)
             found = self._bring_up(network, chosen, progress, AGAIN_SHARE, beat)
         for i, identity in zip(joints, found, strict=True):

@@ -141,16 +141,16 @@ def thresholds_outcome(
 def _motion(measured: "Measured") -> "Motion":
     from identification.thresholds import Motion
 
-    r, raised, touched, unsure = (
-        measured.residual, measured.raised, measured.touched, measured.unsure
+    r, raised, touched, uncertain = (
+        measured.residual, measured.raised, measured.touched, measured.uncertain
     )  # fmt: skip
-    if r is None or raised is None or touched is None or unsure is None:
+    if r is None or raised is None or touched is None or uncertain is None:
         raise LogError("thresholds need residuals")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: `contactctl reload`, then record again")
     log = measured.log
     return Motion(time_s=log.time_s, position=log.link_position, velocity=log.motor_velocity,
-                  residual=r, raised=raised, touched=touched, unsure=unsure)  # fmt: skip
+                  residual=r, raised=raised, touched=touched, uncertain=uncertain)  # fmt: skip
 
 
 def _figures(one: "LevelsResult") -> str:
