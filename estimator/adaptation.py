@@ -148,7 +148,7 @@ class Adaptation:
             lowered, stated, dt,
         )  # fmt: skip
         if verdict == _FRICTION:
-            learning.unsettle(i)
+            learning.reset_uncertainty(i)
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1

@@ -31,7 +31,7 @@ cdef class Learning:
     cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
     cpdef bint stood(self, Py_ssize_t i) noexcept
     cpdef double identified(self, Py_ssize_t i) noexcept
-    cpdef void unsettle(self, Py_ssize_t i) noexcept
+    cpdef void reset_uncertainty(self, Py_ssize_t i) noexcept
     cpdef void give_up(self, Py_ssize_t i) noexcept
     @cython.locals(constant=double)
     cpdef void step(

@@ -132,7 +132,7 @@ class Learning:
         """Magnitude of the identified friction of joint i, filtered like r [Nm]."""
         return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
 
-    def unsettle(self, i: int) -> None:
+    def reset_uncertainty(self, i: int) -> None:
         """Reset the uncertainty of friction to the prior one, but keep its estimate for now."""
         for k in range(_VISCOUS, _COLUMNS):
             for m in range(_COLUMNS):

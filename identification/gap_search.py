@@ -23,7 +23,7 @@ SPEED = 0.03
 _SLOW = 0.015  # [rad/s], for gaps that else are crossed within a second
 _SLOWEST, _PERIOD_S = 0.007, 0.01  # [rad/s] for longer periods, between which it moves on
 _NARROW = 0.015  # [rad] of half-gap
-_SCOUTS = 2
+_TRIAL_STROKES = 2
 _BEYOND = 0.03  # [rad] beyond the gap, so that the link follows
 WIDEST = 0.13
 """Largest half-gap that is searched for [rad]."""
@@ -77,7 +77,7 @@ def search(
         return Strokes(float(inside), travel, speed, count)
 
     while True:
-        log = yield strokes(2.0 * half + _BEYOND, fastest, _SCOUTS)
+        log = yield strokes(2.0 * half + _BEYOND, fastest, _TRIAL_STROKES)
         scouted = by_strokes(log, joint, torque_constant, gear)
         there = _balance(log, joint, torque_constant, gravity)
         reachable = abs(there - start) < _OFF and room[0] < there < room[1]

@@ -203,7 +203,7 @@ class Identified(Settings, frozen=True):
     payloads: dict[Name, IdentifiedPayload] = msgspec.field(default_factory=dict)
 
 
-def samples_alike(a: Configuration, b: Configuration) -> bool:
+def same_samples(a: Configuration, b: Configuration) -> bool:
     """True if samples have the same meaning with both: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
@@ -212,7 +212,7 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
     return about(a) == about(b)
 
 
-def residuals_alike(a: Configuration, b: Configuration) -> bool:
+def same_residuals(a: Configuration, b: Configuration) -> bool:
     """True if residuals have the same meaning with both: the estimator and its parameters of the
     joints are equal, too."""
 
@@ -223,7 +223,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
         ]
         return c.estimator, joints
 
-    return samples_alike(a, b) and about(a) == about(b)
+    return same_samples(a, b) and about(a) == about(b)
 
 
 def applied(c: Configuration, found: Identified) -> Configuration:

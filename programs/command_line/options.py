@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from common.errors import ContactdError, LogError
-from programs.command_line.sentences import could_not_say, read_to_the_end, say
+from programs.command_line.sentences import read_to_the_end, say, write_failure
 
 if TYPE_CHECKING:
     from programs.clients.client import Client
@@ -160,7 +160,7 @@ class Group(OrderedGroup):
             word = error.object[max(error.start - 40, 0) : error.start + 40]
             raise click.UsageError(f"{word!r} is not {error.encoding} text", ctx) from error
         except OSError as error:
-            if not (text := could_not_say(error)):
+            if not (text := write_failure(error)):
                 raise
             say(f"contactctl: {text}", err=True)
             ctx.exit(LogError.exit_code)

@@ -22,7 +22,7 @@ from drivers.can.wire import IDENTIFIER
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
-from programs.contactd.check_drives import add_alike, drives_in_words, new_table, remark
+from programs.contactd.check_drives import add_merged, drives_in_words, new_table, remark
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.explanations import explain
 from programs.contactd.travels import travels
@@ -192,7 +192,7 @@ def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the lower bound that learning respects, and the source."""
     table = new_table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
     levels = zip(c.joints, c.least_levels, strict=True)
-    add_alike(
+    add_merged(
         table,
         ((joint.name, f"{joint.thresholds.contact:g}", f"{least:.4g}", source(joint, found))
          for joint, least in levels),
@@ -222,7 +222,7 @@ def _travels(c: Configuration) -> Table:
             f"{travel.master_timeout + travel.braking:.3f}"
             if drive.profile.stops_alone else "falls",
         ))  # fmt: skip
-    add_alike(table, rows)
+    add_merged(table, rows)
     return table
 
 

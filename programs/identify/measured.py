@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from common.arrays import Matrix
 from common.errors import ContactdError, LogError, ShortLogError
 from daemon.config.evidence import unidentified
-from daemon.config.identified import residuals_alike, samples_alike
+from daemon.config.identified import same_residuals, same_samples
 from daemon.config.load import Robot, parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING, Mode
@@ -126,10 +126,10 @@ def raised(states: Iterable[State], c: Configuration) -> list[State]:
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
     """Reason, to follow the recording's name, why its samples, or with `residuals` its residuals,
     cannot be used for `c`; empty if they can."""
-    if not samples_alike(recorded, c):
+    if not same_samples(recorded, c):
         return ("was recorded with other drives, another wiring or another period than the present "
                 "configuration has")  # fmt: skip
-    if residuals and not residuals_alike(recorded, c):
+    if residuals and not same_residuals(recorded, c):
         return "has residuals computed with other values of the joints than those in force"
     return ""
 

@@ -8,7 +8,7 @@ import yaml
 
 from bench.rigs.lockstep import lockstep_rig
 from daemon.config.digests import digests
-from daemon.config.identified import samples_alike
+from daemon.config.identified import same_samples
 from daemon.config.load import load_robot
 from drivers.wiring import Harmonic
 from programs.simulate.simulated_robot import true_arm
@@ -53,4 +53,4 @@ def test_a_correction_of_the_configuration_keeps_every_mark(tmp_path: Path) -> N
     joints = [msgspec.structs.replace(first, wiring=wiring), *others]
     changed = msgspec.structs.replace(robot.configuration, joints=joints)
     assert digests(changed, robot.urdf) == digests(robot.configuration, robot.urdf)
-    assert not samples_alike(changed, robot.configuration)  # of recordings
+    assert not same_samples(changed, robot.configuration)  # of recordings
