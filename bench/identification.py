@@ -37,10 +37,7 @@ from simulator.mismatch import PlantParameters
 TOGETHER = 5  # Arms that one process simulates at once: few enough to see how far it is
 HAND_S = 17.0
 FILTER_MS = 3.0
-SENSORS = {
-    "usual": {"current_filter_ms": FILTER_MS},
-    "unfiltered": {"current_filter_ms": 0.0},
-}
+SENSORS = {"usual": {"current_filter_ms": FILTER_MS}, "unfiltered": {"current_filter_ms": 0.0}}
 SUMS = ("K_theta_s", "K_theta_v", "B")  # Of motor and link together, and the rotor
 COEFFICIENTS = (*SUMS, "K_q_s", "K_q_v")
 

@@ -48,7 +48,7 @@ from daemon.faults.conditions import Condition, Response
 from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
 from daemon.shutdown import stop_on_error
-from drivers.motors.guardian import Doing
+from drivers.motors.guardian import Activity
 
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
@@ -157,7 +157,7 @@ def one_reset(on: BreakableArm) -> bool:
     drives = on.rig.drives
     on.run(0.1)
     for _ in range(PATIENCE_TICKS):
-        if drives.left_alone or not (drives.silenced or drives.unproved()):
+        if drives.master_timeout_passed or not (drives.silenced or drives.unproved()):
             break
         on.tick()
     try:
@@ -216,7 +216,7 @@ def killed(place: MakeOnWire) -> dict[str, Any]:
 def unheard(on: BreakableArm) -> bool:
     """Whether every drive has stopped by itself, or the guardian holds them."""
     if isinstance(on.rig.guard, GuardianAtBus):
-        return on.rig.guard.guardian.doing is Doing.HOLDS
+        return on.rig.guard.guardian.activity is Activity.HOLDS
     return on.make.speech.operating not in on.states
 
 

@@ -5,15 +5,15 @@ Exit codes follow sysexits.h, so that systemd and scripts can distinguish a bad 
 never restarted), a missing bus (69, worth a retry) and an internal fault (70).
 """
 
-from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
+from contactd_client.errors import ClosedError, ContactdError, ControlError, UnreachableError
 
 __all__ = [
     "BusError",
+    "ClosedError",
     "ConfigurationError",
     "ContactdError",
     "ControlError",
     "DriveError",
-    "HungUpError",
     "LogError",
     "ModelError",
     "ProgramError",

@@ -7,15 +7,15 @@ examples.
 """
 
 from contactd_client.client import Client, Joined, Lost, watch
-from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
+from contactd_client.errors import ClosedError, ContactdError, ControlError, UnreachableError
 from contactd_client.paths import usual_socket_path, view_socket_path
 from contactd_client.stream import Stream
 
 __all__ = [
     "Client",
+    "ClosedError",
     "ContactdError",
     "ControlError",
-    "HungUpError",
     "Joined",
     "Lost",
     "Stream",

@@ -8,7 +8,7 @@ from typing import Self
 from contactd_client.aio_connection import AsyncConnection
 from contactd_client.aio_stream import AsyncStream
 from contactd_client.client import RETRY_S, Joined, Lost
-from contactd_client.connection import ANSWER_S, patience_s
+from contactd_client.connection import ANSWER_S, command_timeout_s
 from contactd_client.errors import ContactdError
 from contactd_client.messages import Reply, Request, Snapshot, State, Status
 from contactd_client.packets import decode_reply, decode_state, encode, snapshot_of, status_of
@@ -40,8 +40,8 @@ class AsyncClient:
     async def ask(self, request: Request) -> Reply:
         """Send a request and wait for the answer, which may be a refusal: check `ok`. Requests are
         never repeated. At most one task at a time may use a connection."""
-        patience = patience_s(request["command"], self._timeout_s)
-        return decode_reply(await self._connection.exchange(encode(request), patience))
+        timeout = command_timeout_s(request["command"], self._timeout_s)
+        return decode_reply(await self._connection.exchange(encode(request), timeout))
 
     async def status(self) -> Status:
         """Status of the daemon. Raises ControlError if it is refused."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from contactd_client.connection import ANSWER_S, MAX_PACKET_BYTES
-from contactd_client.errors import HungUpError, UnreachableError
+from contactd_client.errors import ClosedError, UnreachableError
 from contactd_client.paths import why_unreachable
 
 _RETRY_S = 0.001  # retry interval if the daemon's backlog is full
@@ -96,7 +96,7 @@ class AsyncConnection:
             if not size and packets:
                 return packets  # the next call reports the end
             if not size:
-                raise HungUpError("the daemon closed the connection")
+                raise ClosedError("the daemon closed the connection")
             packets.append(bytes(memoryview(_buffer)[:size]))
 
     async def _receive(self) -> bytes:
@@ -110,7 +110,7 @@ class AsyncConnection:
         except OSError as error:
             raise _gone(error) from error
         if not packet:
-            raise HungUpError("the daemon closed the connection")
+            raise ClosedError("the daemon closed the connection")
         return packet
 
 

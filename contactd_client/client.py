@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
-from contactd_client.connection import ANSWER_S, Connection, patience_s
+from contactd_client.connection import ANSWER_S, Connection, command_timeout_s
 from contactd_client.errors import ContactdError
 from contactd_client.messages import Reply, Request, Snapshot, State, Status
 from contactd_client.packets import decode_reply, decode_state, encode, snapshot_of, status_of
@@ -55,8 +55,8 @@ class Client:
     def ask(self, request: Request) -> Reply:
         """Send a request and wait for the answer, which may be a refusal: check `ok`. Requests are
         never repeated."""
-        patience = patience_s(request["command"], self._timeout_s)
-        return decode_reply(self._connection.exchange(encode(request), patience))
+        timeout = command_timeout_s(request["command"], self._timeout_s)
+        return decode_reply(self._connection.exchange(encode(request), timeout))
 
     def status(self) -> Status:
         """Status of the daemon. Raises ControlError if it is refused."""

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from contactd_client.errors import ControlError, HungUpError, UnreachableError
+from contactd_client.errors import ClosedError, ControlError, UnreachableError
 from contactd_client.paths import why_unreachable
 
 # More than fits into the daemon's socket (twice its send buffer).
@@ -14,14 +14,14 @@ MAX_PACKET_BYTES: Final = 2 << 20
 ANSWER_S: Final = 2.0
 # These read back all drives before they answer, and drives that are set up again may have to boot.
 SLOW_COMMANDS: Final = frozenset({"enable", "reset"})
-SLOW_PATIENCE_S: Final = 30.0
+SLOW_TIMEOUT_S: Final = 30.0
 
 _RETRY_S = 0.0003  # retry interval if the daemon's backlog is full
 
 
-def patience_s(command: str, timeout_s: float) -> float:
+def command_timeout_s(command: str, timeout_s: float) -> float:
     """Answer timeout of `command` [s]."""
-    return max(SLOW_PATIENCE_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
+    return max(SLOW_TIMEOUT_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
 
 
 class Connection:
@@ -47,7 +47,7 @@ class Connection:
         except TimeoutError:
             raise UnreachableError("the daemon is silent: it reads no requests") from None
         except OSError as error:
-            raise HungUpError(f"the daemon closed the connection ({error.strerror})") from None
+            raise ClosedError(f"the daemon closed the connection ({error.strerror})") from None
 
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """Send a request and wait for its answer, at most `timeout_s` [s]. After a timeout the
@@ -79,7 +79,7 @@ class Connection:
 
     def packet(self, silence: str = "fell silent") -> bytes:
         """Next message, undecoded. Raises UnreachableError "the daemon {silence}" on timeout,
-        HungUpError if the daemon closed the connection, ControlError for an oversized message."""
+        ClosedError if the daemon closed the connection, ControlError for an oversized message."""
         try:
             try:
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
@@ -89,9 +89,9 @@ class Connection:
         except TimeoutError:
             raise UnreachableError(f"the daemon {silence}") from None
         except OSError as error:
-            raise HungUpError(f"the daemon closed the connection ({error.strerror})") from None
+            raise ClosedError(f"the daemon closed the connection ({error.strerror})") from None
         if size == 0:
-            raise HungUpError("the daemon closed the connection")
+            raise ClosedError("the daemon closed the connection")
         if flags & socket.MSG_TRUNC:
             raise ControlError(f"the daemon sent more than {MAX_PACKET_BYTES} bytes at once")
         return bytes(memoryview(self._buffer)[:size])

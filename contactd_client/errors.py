@@ -19,5 +19,5 @@ class UnreachableError(ControlError):
     exit_code = 69
 
 
-class HungUpError(UnreachableError):
+class ClosedError(UnreachableError):
     """Connection closed by the daemon, which is ending or reloading its files."""

@@ -51,7 +51,7 @@ class Sensitivity(TypedDict):
     tool_resting: ToolForce
 
 
-class Way(TypedDict):
+class PlannedPath(TypedDict):
     """Path to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
@@ -252,7 +252,7 @@ class Reply(TypedDict):
     # of a successful `start` or `go`, and of a plan: motion that the thresholds do not cover, or
     # that ends nearer to a limit than a joint may get
     warnings: NotRequired[list[str]]
-    way: NotRequired[Way | None]  # of a successful or planned `go`
+    way: NotRequired[PlannedPath | None]  # of a successful or planned `go`
     stream: NotRequired[StreamState | None]  # of `follow` and `target`
     status: NotRequired[Status | None]
     snapshot: NotRequired[Snapshot | None]

@@ -71,14 +71,14 @@ def why_unreachable(path: Path, error: OSError) -> str:
                 return f"no contactd serves {path}: its service does not run ({how})"
             return f"no contactd serves {path}: is it running? (`contactd run CONFIG`)"
         case PermissionError():
-            return how_to_be_let_in(path)
+            return access_advice(path)
         case TimeoutError():
             return f"the daemon at {path} is busy: it accepts no connections"
         case _:
             return f"cannot connect to {path}: {error.strerror or error}"
 
 
-def how_to_be_let_in(path: Path) -> str:
+def access_advice(path: Path) -> str:
     """Advice for a user who may not open the control socket, or a file beside it."""
     try:
         group = path.group()

@@ -16,7 +16,7 @@ from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
 from daemon.config.trajectories import path_of
 from daemon.config.vectors import guide_of, limits_of, row, virtual_mass_of
-from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
+from daemon.faults.detector import DetectorSettings, FaultDetector, tolerated_ticks
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
@@ -25,7 +25,7 @@ from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.covered_range import CoveredRange
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion, MotionSettings
-from daemon.motion.path import Follower, Place
+from daemon.motion.path import Follower, PathPoint
 from daemon.motion.release import ReleaseSettings
 from daemon.protocol.replies import Check
 from daemon.tick.controller import Controller
@@ -139,10 +139,10 @@ def build_transmission(c: Configuration) -> Transmission:
 
 
 def build_fault_detector(c: Configuration) -> FaultDetector:
-    """Detector of faults, with the bounds and the patience that the configuration gives it."""
+    """Detector of faults, with the bounds and tolerances of the configuration."""
     s = c.supervisor
-    deaf_ticks = patience_deaf(c.period_s)
-    patience = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, deaf_ticks)
+    not_sensing_ticks = tolerated_ticks(c.period_s)
+    tolerated = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, not_sensing_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
@@ -160,7 +160,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
     )
     return FaultDetector(
         c.joint_names,
-        patience,
+        tolerated,
         Plausibility(c.joint_names, bounds),
         Following(following, c.period_s),
         IgnoredSetpoints(bounds.current),
@@ -223,7 +223,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         limits=limits_of(c),
         law=law,
         gains=Gains(row(c, lambda j: j.admittance_gain)),
-        follower=Follower(Place(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
+        follower=Follower(PathPoint(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
         model=robot.model,

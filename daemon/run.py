@@ -189,10 +189,10 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
 
 
 def _release_drives(drives: BootableDrives, *, again: bool) -> None:
-    """Release the drives from watching our heartbeat, as the arm is at rest for good. A failure is
+    """Disable the drives' monitoring of our heartbeat, as the arm is at rest for good. A failure is
     only logged if they will be set up `again`, which tries it more than once."""
     try:
-        drives.let_go()
+        drives.disable_monitoring()
     except DriveError as error:
         if not again:
             raise

@@ -20,7 +20,7 @@ from daemon.tick.tick import Tick
 from drivers.api import BootableDrives
 
 # Time for the drives to reach their final state [s].
-PATIENCE_S = 1.0
+TIMEOUT_S = 1.0
 # A frame may be lost: the quick stop is sent this many times, a period apart.
 REPEATS = 3
 
@@ -38,8 +38,8 @@ def bring_to_rest(
     tick = loop.tick
     machine = tick.controller.machine
 
-    def tick_until(done: Callable[[], bool], patience_s: float) -> None:
-        end = loop.time_s + patience_s
+    def tick_until(done: Callable[[], bool], timeout_s: float) -> None:
+        end = loop.time_s + timeout_s
         loop.run(doors, lambda: not done() and loop.time_s < end)
 
     tick.controller.request(Event.DISABLE, why, loop.time_s)
@@ -47,10 +47,8 @@ def bring_to_rest(
     # is off at once, but the next tick sends this to the drives, and they latch it at the SYNC
     # after that.
     resting, heard = (Mode.OFF, Mode.FAULTED), tick.number + 2
-    tick_until(
-        lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + PATIENCE_S
-    )
-    tick_until(lambda: not _stragglers(tick), PATIENCE_S)
+    tick_until(lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + TIMEOUT_S)
+    tick_until(lambda: not _stragglers(tick), TIMEOUT_S)
     return _stragglers(tick)
 
 
@@ -59,8 +57,8 @@ def _stragglers(tick: Tick) -> list[str]:
     last = tick.last
     if last is None or last.decision is None:
         return []
-    joints = zip(last.samples.drives, last.decision.power, last.samples.came, strict=True)
-    wrong = np.flatnonzero([not (came and d.condition.reached(on)) for d, on, came in joints])
+    joints = zip(last.samples.drives, last.decision.power, last.samples.arrived, strict=True)
+    wrong = np.flatnonzero([not (arrived and d.condition.reached(on)) for d, on, arrived in joints])
     return [tick.drives.names[i] for i in wrong]
 
 

@@ -124,11 +124,11 @@ class Samples:
     events: tuple[Event, ...] = ()
 
     @property
-    def came(self) -> NDArray[np.bool_]:
+    def arrived(self) -> NDArray[np.bool_]:
         """Joints (n,) whose samples arrived in this tick, whenever they were measured: sufficient
         to read the drive's status and to observe a standstill."""
-        came: NDArray[np.bool_] = self.age_s == 0.0
-        return came
+        arrived: NDArray[np.bool_] = self.age_s == 0.0
+        return arrived
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ class BootableDrives(Drives, Protocol):
         """Serial number of each drive that was set up; None if it has none."""
 
     @property
-    def left_alone(self) -> bool:
+    def master_timeout_passed(self) -> bool:
         """True once every drive has had the time to miss the master and to stop by itself."""
 
     def boot_up(self, report: Report) -> None:
@@ -212,5 +212,5 @@ class BootableDrives(Drives, Protocol):
     def end(self) -> None:
         """End the session: a late setpoint no longer has any effect."""
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the drives' monitoring of the master, now that the arm stays at rest."""

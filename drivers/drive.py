@@ -18,7 +18,7 @@ class DriveKind(Protocol):
         """Master timeout as configured [ms]."""
 
     @property
-    def patience_s(self) -> float:
+    def master_timeout_s(self) -> float:
         """Time without the master after which the drive stops or releases by itself [s]."""
 
     @property
@@ -31,7 +31,7 @@ class DriveKind(Protocol):
         """True if it stops and holds by itself when it no longer receives our frames."""
 
     @property
-    def without_us(self) -> str:
+    def timeout_reaction(self) -> str:
         """Its reaction when it no longer receives our frames, as text."""
 
     @property

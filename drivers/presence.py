@@ -11,12 +11,12 @@ import math
 
 class Presence:
     """Presence with a SYNC every `period_s`, to drives whose shortest master timeout is
-    `patience_s`."""
+    `master_timeout_s`."""
 
-    def __init__(self, patience_s: float, period_s: float) -> None:
+    def __init__(self, master_timeout_s: float, period_s: float) -> None:
         # Due if the next tick would be later than a third of the timeout.
-        self._beat_every_s = max(patience_s / 3.0 - period_s, 0.0)
-        self._absence_s = patience_s - 0.5 * period_s
+        self._beat_every_s = max(master_timeout_s / 3.0 - period_s, 0.0)
+        self._absence_s = master_timeout_s - 0.5 * period_s
         self._beaten_s = -math.inf
         self.absent = False
         self.news = False

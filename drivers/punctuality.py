@@ -25,7 +25,7 @@ class Punctuality:
     """Comparison of SYNCs with answers; `old` and `twice` are the results."""
 
     def __init__(self, period_s: float) -> None:
-        self._patience_s = (DOUBT_TICKS - 0.5) * period_s
+        self._doubt_s = (DOUBT_TICKS - 0.5) * period_s
         self.start_anew()
 
     def start_anew(self) -> None:
@@ -69,7 +69,7 @@ class Punctuality:
 
     def leaves_out(self, now: float) -> bool:
         """True if the SYNC of this tick is to be skipped, to check for old answers."""
-        if not self._doubts or self._unanswered or now - self._doubted_s < self._patience_s:
+        if not self._doubts or self._unanswered or now - self._doubted_s < self._doubt_s:
             return False
         if not self._may_probe(now):
             return False

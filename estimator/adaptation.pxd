@@ -50,7 +50,7 @@ cdef class Adaptation:
     ) noexcept
     @cython.locals(
         q=double, velocity=double, corrected=double, raw=double, agree=bint, believed=double,
-        usual=double, unknown=double, above=double, lowered=double, stated=double,
+        configured=double, unknown=double, above=double, lowered=double, stated=double,
         verdict="long long"
     )
     cpdef void compare(self, Py_ssize_t i, double dt) noexcept

@@ -72,7 +72,7 @@ class Adaptation:
         learned = self.learning.correction[i]
         if self._residual.corrected[0, i] > 0.0:
             learned = -learned
-        most = _MOST * self._levels.usual(i, 0.0)
+        most = _MOST * self._levels.configured(i, 0.0)
         stated = max((self._share(i) - _STATED) / (1.0 - _STATED), 0.0)
         return float(min(max(learned, 0.0), most) * stated) if self._learns else 0.0
 
@@ -120,11 +120,11 @@ class Adaptation:
             self.doubt.raise_all(i)
         doubt = self._doubted(i)
         level -= self.contested(i)
-        learning.needed.carry(i, self._interval.now[_BETA], levels.usual(i, speed))
+        learning.needed.carry(i, self._interval.now[_BETA], levels.configured(i, speed))
         learning.learn(
-            i, residual.values[0, i], level / (1.0 + self.doubt.margin[i]), levels.usual(i, speed),
-            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0,
-            moving, self.frozen != 0, dt,
+            i, residual.values[0, i], level / (1.0 + self.doubt.margin[i]),
+            levels.configured(i, speed), levels.friction[i], levels.raised[i], doubt,
+            self.doubt.rubs[i] != 0, moving, self.frozen != 0, dt,
         )  # fmt: skip
         self.apply(i)
 
@@ -138,17 +138,17 @@ class Adaptation:
         corrected, raw = self._residual.corrected[0, i], self._residual.values[0, i]
         agree = corrected * raw > 0.0 or corrected == raw
         believed = min(abs(corrected), abs(raw)) if agree else 0.0
-        usual = levels.usual(i, abs(velocity))
+        configured = levels.configured(i, abs(velocity))
         unknown = self.unknown(i)
         above = levels.raised[i] + levels.friction[i]
-        lowered = above + learning.needed.level(i) * (usual + learning.unknown[i])
-        stated = above + usual + unknown + learning.identified(i)
+        lowered = above + learning.needed.level(i) * (configured + learning.unknown[i])
+        stated = above + configured + unknown + learning.identified(i)
         verdict = doubt.step(
             i, self._detector.streak[0, i] != 0, q, velocity, corrected, believed,
             lowered, stated, dt,
         )  # fmt: skip
         if verdict == _FRICTION:
-            learning.unsettle(i)
+            learning.reset_uncertainty(i)
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1

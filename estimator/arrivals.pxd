@@ -12,7 +12,7 @@ cdef class Arrivals:
     cdef Alignment _alignment
     cdef Py_ssize_t _n
     cdef double _period
-    cdef readonly long long[::1] came
+    cdef readonly long long[::1] arrived
     cdef readonly double[::1] since, gaps
 
     @cython.locals(everything=double)

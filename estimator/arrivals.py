@@ -18,11 +18,11 @@ _BRIDGED_PERIODS = 5.5
 
 
 class Arrivals:
-    """Sample arrivals of all joints. The caller writes `came` (n,): 1 for a joint with a sample."""
+    """Sample arrivals of all joints. The caller writes `arrived` (n,): 1 for a joint with one."""
 
     def __init__(self, alignment: Alignment, n: int, period_s: float) -> None:
         self._alignment, self._n, self._period = alignment, n, period_s
-        self.came = np.ones(n, dtype=np.int64)
+        self.arrived = np.ones(n, dtype=np.int64)
         # Age of the last sample used of each joint, and length of the interval that a new sample
         # ends, 0 without one [s].
         self.since, self.gaps = np.zeros((2, n))
@@ -31,7 +31,7 @@ class Arrivals:
         """Advance by dt [s]. Returns True if dt and all new samples are finite, and dt positive."""
         everything = dt
         for i in range(self._n):
-            if self.came[i]:
+            if self.arrived[i]:
                 for row in range(4):
                     everything += self._alignment.samples[row, i]
         for i in range(self._n):
@@ -43,10 +43,10 @@ class Arrivals:
         return float(dt if dt > 0.0 and dt - dt == 0.0 else self._period)
 
     def gap(self, i: int) -> int:
-        """Close the interval of joint i if its sample came. Returns `Flag`s; RESTARTED: too many
+        """Close the interval of joint i if its sample arrived. Returns `Flag`s; RESTARTED: too many
         samples are missing, and the joint must restart before the sample is pushed."""
         self.gaps[i] = 0.0
-        if not self.came[i]:
+        if not self.arrived[i]:
             return _BRIDGED
         self.gaps[i], self.since[i] = self.since[i], 0.0
         flags = _LATE if self.late(i) else 0

@@ -17,7 +17,7 @@ cdef class ContactDetector:
     @cython.locals(
         begun="long long", past="long long", streak="long long", begins=bint
     )
-    cpdef long long step(self, Py_ssize_t i, double residual, bint came, bint waits) noexcept
+    cpdef long long step(self, Py_ssize_t i, double residual, bint arrived, bint waits) noexcept
     @cython.locals(clear=double, beyond=double)
     cpdef Py_ssize_t touched_link(self, double[::1] residual) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept

@@ -46,11 +46,11 @@ class ContactDetector:
         self.waited = np.zeros((2, n), dtype=np.int64)
         self.begins = np.zeros((2, n), dtype=np.int64)
 
-    def step(self, i: int, residual: float, came: bool, waits: bool) -> int:
+    def step(self, i: int, residual: float, arrived: bool, waits: bool) -> int:
         """Update the debounce of joint i; returns how many of its contacts begin.
 
-        Without a new sample (`came`) the counts stay. With `waits` a contact is delayed to the next
-        tick, at most _WAITS times: while a joint has no sample, its motion may differ from the
+        Without a new sample (`arrived`) the counts stay. With `waits` a contact is delayed to the
+        next tick, at most _WAITS times: while a joint has no sample, its motion may differ from the
         extrapolated one, which looks like a torque on the others; and the mean over an interval
         with a missing sample may miss an impact in the gap.
         """
@@ -59,7 +59,7 @@ class ContactDetector:
             level = self.levels.collision[i] if k else self.levels.contact[i]
             past = 1 if residual > level else (-1 if residual < -level else 0)
             begins = False
-            if came:
+            if arrived:
                 streak = past + self.streak[k, i] if past * self.streak[k, i] > 0 else past
                 begins = abs(streak) == self._debounce
                 if begins and waits and self.waited[k, i] < _WAITS:
@@ -99,7 +99,7 @@ class ContactDetector:
         clearly absent.
         """
         for i in range(self._n - 1, -1, -1):
-            clear = min(_CLEAR, self.levels.share[i]) * self.levels.usual(i, 0.0)
+            clear = min(_CLEAR, self.levels.share[i]) * self.levels.configured(i, 0.0)
             beyond = abs(residual[i]) - self.levels.above[i]
             if beyond > clear:
                 return i

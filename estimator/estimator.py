@@ -73,7 +73,7 @@ class Estimator:
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         self.detector = k.detector
         self._measured = settings.motor_position == "measured"
-        self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
+        self._samples, self._arrived = np.asarray(k.alignment.samples), np.asarray(k.arrived)
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
         self._wrench = np.asarray(k.wrench.shown)
         self.residuals: Matrix = np.asarray(k.residual.corrected)
@@ -121,7 +121,7 @@ class Estimator:
             samples[2] = np.nan if motor_position is None else motor_position
         if fresh is not None:
             self._check_shape("fresh", fresh)
-        self._came[:] = True if fresh is None else fresh
+        self._arrived[:] = True if fresh is None else fresh
         flags = self._kernel.step(dt)
         if flags & _INVALID:
             nothing = np.zeros(self._shape, dtype=np.bool_)
@@ -138,7 +138,7 @@ class Estimator:
         `resets`. Raises ModelError for arrays of another shape."""
         N, n = samples.current.shape[0], self.model.n
         rows = np.zeros((N, 4, n))
-        came, after = np.zeros((N, n), dtype=np.int64), np.zeros(N, dtype=np.int64)
+        arrived, after = np.zeros((N, n), dtype=np.int64), np.zeros(N, dtype=np.int64)
         for name in ("current", "link_position", "motor_velocity", "motor_position", "fresh"):
             self._check_shape(name, getattr(samples, name), (N, n))
         self._check_shape("interval_s", samples.interval_s, (N,))
@@ -149,7 +149,7 @@ class Estimator:
         )
         if self._measured:
             rows[:, 2] = samples.motor_position
-        came[:], after[list(resets)] = samples.fresh, 1
+        arrived[:], after[list(resets)] = samples.fresh, 1
         shown, residuals = (
             np.empty((N + 1, len(_SHOWN), n)),
             np.empty((N + 1, len(self.variants), n)),
@@ -163,7 +163,7 @@ class Estimator:
         link = self._link_names.index(last.touched_link)
         words[0] = last.flags, -1 if link == no_link else link
         step_through(
-            self._kernel, rows, came, samples.interval_s, after, shown, residuals, side, wrench,
+            self._kernel, rows, arrived, samples.interval_s, after, shown, residuals, side, wrench,
             words,
         )  # fmt: skip
         self._last = self._estimate_of(

@@ -42,7 +42,7 @@ cdef class Kernel:
     cdef bint _always_acts
     cdef double _period
     cdef bint _measured
-    cdef readonly long long[::1] came, going
+    cdef readonly long long[::1] arrived, going
     cdef readonly unsigned char[::1] sensing
     cdef readonly double[::1] since, q, q_dot, tau_M, transmitted, threshold
     cdef double[::1] _theta, _phi, _sigma, _thresholded, _share, _uncorrected
@@ -59,7 +59,7 @@ cdef class Kernel:
     cpdef void reset(self, Py_ssize_t i) noexcept
     @cython.locals(speed=double)
     cpdef void resume(self) noexcept
-    @cython.locals(flags="long long", arrived="long long")
+    @cython.locals(flags="long long", flag="long long")
     cdef long long _take(self) noexcept
     cdef void _still(self, Py_ssize_t i, double q) noexcept
     @cython.locals(flags="long long", bridged=bint, everything=double)
@@ -69,12 +69,12 @@ cdef class Kernel:
     @cython.locals(side="long long", in_gap=bint, came_from=bint, everything=double)
     cdef double _joint(self, Py_ssize_t i, double gap) noexcept
     @cython.locals(
-        came=bint, unknown=bint, crossing=bint, shaken=bint, unsure=double, begun="long long"
+        arrived=bint, unknown=bint, crossing=bint, shaken=bint, uncertainty=double, begun="long long"
     )
     cdef double _judge(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
     @cython.locals(unknown=double)
     cdef void _put_in_force(
-        self, Py_ssize_t i, double unsure, double speed, double dt
+        self, Py_ssize_t i, double uncertainty, double speed, double dt
     ) noexcept
     @cython.locals(
         touched=bint, rubs=double, transmitted=double, load=double, spring=double, acts=bint

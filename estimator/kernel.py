@@ -36,7 +36,7 @@ _ROTOR, _THETA, _THETA_DOT, _TAU_M, _MOTOR_FRICTION = 1, 2, 3, 5, 6  # rows of `
 
 
 class Kernel:
-    """Parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
+    """Parts of an estimator, and their step. The caller writes `alignment.samples`, and `arrived`
     (n,), 1 for a joint with a sample; and reads `shown` (10, n) and the parts."""
 
     def __init__(
@@ -53,7 +53,7 @@ class Kernel:
         self._dynamics = dynamics
         self.alignment = Alignment(n, s, period_s)
         self.arrivals = Arrivals(self.alignment, n, period_s)
-        self.came, self.since = self.arrivals.came, self.arrivals.since
+        self.arrived, self.since = self.arrivals.arrived, self.arrivals.since
         self.interval = Interval(n)
         self._measured = s.motor_position == "measured"
         self.motor_position = MotorPosition(t, s.gap, self._measured)
@@ -150,19 +150,19 @@ class Kernel:
         """Append this tick's samples to the history; returns flags, STARTING while too few."""
         flags = 0
         for i in range(self.n):
-            arrived = self.arrivals.gap(i)
-            if arrived & _RESTARTED:
+            flag = self.arrivals.gap(i)
+            if flag & _RESTARTED:
                 self.restart(i)
-            if self.came[i]:
+            if self.arrived[i]:
                 self.alignment.push(i, self.arrivals.gaps[i])
-            flags |= arrived
+            flags |= flag
         return flags | self.arrivals.starting()
 
     def _still(self, i: int, q: float) -> None:
         """Set joint i, which has no velocity yet, to zero residual and the highest threshold."""
         self.motor_position.start(i, q)
         most = self.levels.friction_at(i, 1.0, 1.0, 1.0, 0.0)
-        most += self.levels.unsure(i, True, True, True, 0.0)
+        most += self.levels.uncertainty(i, True, True, True, 0.0)
         self._put_in_force(i, most, 0.0, self._period)
         self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
         self.sensing[i] = 0
@@ -174,7 +174,7 @@ class Kernel:
         self._landed = 0
         for i in range(self.n):
             self.wrench.before[i] = self.residual.corrected[0, i]
-            if self.came[i]:
+            if self.arrived[i]:
                 self.alignment.align(i)
             elif self.arrivals.bridged(i):  # extrapolation is limited
                 self.alignment.carry(i, dt)
@@ -183,12 +183,12 @@ class Kernel:
                 self.motor_position.start(i, self.alignment.aligned[0, i])
                 self.arrivals.gaps[i] = 0.0
             flags |= self.arrivals.raised(i)
-            bridged = bridged or not self.came[i]
+            bridged = bridged or not self.arrived[i]
         self._dynamics.at(self.alignment.aligned[0], self.alignment.aligned[1])
         for i in range(self.n):
             everything += self._joint(i, self.arrivals.gaps[i])
         for i in range(self.n):
-            if self.came[i]:
+            if self.arrived[i]:
                 self.adaptation.compare(i, dt)
         for i in range(self.n):
             everything += self._judge(i, self.arrivals.gaps[i], dt, bridged)
@@ -212,7 +212,7 @@ class Kernel:
             unlearned = share * self.learning.unknown[i] if self.learns else 0.0
             free = self.lower[i] + _STOP < self.q[i] < self.upper[i] - _STOP
             self.wrench.weigh(
-                i, self.residual.corrected[0, i], dt, share * levels.usual(i, 0.0),
+                i, self.residual.corrected[0, i], dt, share * levels.configured(i, 0.0),
                 levels.friction[i], levels.raised[i], unlearned, self.transmitted[i],
                 self.sensing[i] != 0 and free,
             )  # fmt: skip
@@ -236,7 +236,7 @@ class Kernel:
         self.torques.at(i, q_dot, theta_dot, theta, tau_M, turned)
         self.tau_M[i] = tau_M
         load = self.adaptation.load_friction(i, tau_M)
-        levels.rub(i, rest, self.stiction.unknown[i], position.friction[i], load)
+        levels.set_friction(i, rest, self.stiction.unknown[i], position.friction[i], load)
         if gap > 0.0:
             self._balance(i, gap, q, q_dot, theta_dot, rest, tau_M)
         if gap > 0.0 or not self.going[i]:
@@ -254,20 +254,20 @@ class Kernel:
         self.adaptation.apply(i)
         unknown = self.motor_position.side[i] == _SIDE_UNKNOWN
         crossing, shaken = self._crossing[i] != 0, self._landed > 0
-        unsure = self.levels.unsure(i, unknown, crossing, shaken, gap / self._period)
-        self._put_in_force(i, unsure, abs(self.alignment.aligned[3, i]), dt)
-        came = self.came[i] != 0
+        uncertainty = self.levels.uncertainty(i, unknown, crossing, shaken, gap / self._period)
+        self._put_in_force(i, uncertainty, abs(self.alignment.aligned[3, i]), dt)
+        arrived = self.arrived[i] != 0
         waits = bridged or self.arrivals.late(i)
-        begun = self.detector.step(i, self.residual.corrected[0, i], came, waits)
+        begun = self.detector.step(i, self.residual.corrected[0, i], arrived, waits)
         if begun and self.motor_position.contradicted(i, self.alignment.aligned[3, i]):
             self.motor_position.start(i, self.alignment.aligned[0, i])
         self.begun += begun
         return float(self.threshold[i])
 
-    def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
+    def _put_in_force(self, i: int, uncertainty: float, speed: float, dt: float) -> None:
         """Update the levels of joint i, over dt [s]."""
         unknown = self.adaptation.unlearned(i)
-        self.threshold[i] = self.levels.put_in_force(i, unknown, unsure, speed, dt)
+        self.threshold[i] = self.levels.put_in_force(i, unknown, uncertainty, speed, dt)
 
     def _balance(
         self, i: int, dt: float, q: float, q_dot: float, theta_dot: float, rest: float, tau_M: float

@@ -31,7 +31,7 @@ cdef class Learning:
     cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
     cpdef bint stood(self, Py_ssize_t i) noexcept
     cpdef double identified(self, Py_ssize_t i) noexcept
-    cpdef void unsettle(self, Py_ssize_t i) noexcept
+    cpdef void reset_uncertainty(self, Py_ssize_t i) noexcept
     cpdef void give_up(self, Py_ssize_t i) noexcept
     @cython.locals(constant=double)
     cpdef void step(
@@ -41,12 +41,12 @@ cdef class Learning:
         corrected=double, size=double, b=double, surprise=double, freezes=double, calm=bint, known=bint
     )
     cpdef void learn(
-        self, Py_ssize_t i, double residual, double level, double usual, double friction, double raised,
+        self, Py_ssize_t i, double residual, double level, double configured, double friction, double raised,
         double doubt, bint rubs, bint moving, bint suspended, double dt
     ) noexcept
     cdef void _rest(self, Py_ssize_t i, double dt) noexcept
     @cython.locals(moved=double)
-    cdef bint _relearns(self, Py_ssize_t i, double usual) noexcept
+    cdef bint _relearns(self, Py_ssize_t i, double configured) noexcept
     cdef void _say_what_is_left(self, Py_ssize_t i) noexcept
     @cython.locals(fade=double)
     cdef void _drift(self, Py_ssize_t i, Py_ssize_t column, double dt) noexcept

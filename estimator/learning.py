@@ -132,7 +132,7 @@ class Learning:
         """Magnitude of the identified friction of joint i, filtered like r [Nm]."""
         return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
 
-    def unsettle(self, i: int) -> None:
+    def reset_uncertainty(self, i: int) -> None:
         """Reset the uncertainty of friction to the prior one, but keep its estimate for now."""
         for k in range(_VISCOUS, _COLUMNS):
             for m in range(_COLUMNS):
@@ -166,12 +166,12 @@ class Learning:
         self.unknown[i] = self.unknown_at(i, coulomb, viscous, load)
 
     def learn(
-        self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
-        doubt: float, rubs: bool, moving: bool, suspended: bool, dt: float,
+        self, i: int, residual: float, level: float, configured: float, friction: float,
+        raised: float, doubt: float, rubs: bool, moving: bool, suspended: bool, dt: float,
     ) -> None:  # fmt: skip
         """Learn from joint i, unless something may be touching it. residual: before its correction;
-        level, usual: contact levels in force and configured; friction, raised: parts of the level
-        in force for friction near rest and for transients [Nm]; doubt: in what was learned, 0 to 1;
+        level, configured: contact levels; friction, raised: parts of the level in force for
+        friction near rest and for transients [Nm]; doubt: in what was learned, 0 to 1;
         rubs: friction was found to have changed; moving: the joint moves, engaged; suspended:
         nothing is learned, but a joint at rest cools."""
         self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
@@ -184,8 +184,8 @@ class Learning:
         size = abs(corrected)
         if doubt < _DOUBTED:
             self.needed.note(
-                i, corrected, level, usual, self.unknown[i], friction, raised,
-                self._relearns(i, usual), moving, dt,
+                i, corrected, level, configured, self.unknown[i], friction, raised,
+                self._relearns(i, configured), moving, dt,
             )  # fmt: skip
         freezes = _THAWS if rubs else _FREEZES
         b = self.shares[i, _CONSTANT] * self.columns[i, _CONSTANT]
@@ -202,10 +202,10 @@ class Learning:
             self._follow(i, residual, friction + raised, dt, known)
             self.settled[i] += dt / _SETTLES_S * (self.shares[i, _COULOMB] - self.settled[i])
 
-    def _relearns(self, i: int, usual: float) -> bool:
+    def _relearns(self, i: int, configured: float) -> bool:
         """True while friction of joint i is being relearned."""
         moved = abs(self.shares[i, _COULOMB] - self.settled[i]) * abs(self.columns[i, _COULOMB])
-        return bool(moved > _RELEARNS * usual)
+        return bool(moved > _RELEARNS * configured)
 
     def _rest(self, i: int, dt: float) -> None:
         """Let knowledge of joint i fade over dt [s] of rest."""

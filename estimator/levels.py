@@ -44,22 +44,22 @@ class Levels:
         self._contact, self._collision = thresholds.contact.copy(), thresholds.collision.copy()
         self._per_speed = thresholds.per_speed.copy()
         self._coulomb, self._has_gap = t.engaged_coulomb.copy(), 1.0 * (t.half_gap > 0.0)
-        self._unsure = s.unknown_side_share
+        self._unknown_side_share = s.unknown_side_share
         self.share, self.crossing = np.ones((2, n))  # k, and its value while a gap is crossed
         self.contact, self.collision, self.above = np.zeros((3, n))
         # Friction at the beginning of each interval; filtered friction; raise [Nm].
         self.begin, self.friction, self.raised = np.zeros((3, n))
         self._now = 0.0
 
-    def rub(self, i: int, rest: float, unknown: float, factor: float, load: float) -> None:
+    def set_friction(self, i: int, rest: float, unknown: float, factor: float, load: float) -> None:
         """Set the friction of joint i that may be wrong now. rest: `transmission.resting`; unknown:
         share of Coulomb friction; factor: friction over the identified one; load: load friction
         [Nm]."""
         self._now = self.friction_at(i, rest, unknown, factor, load)
 
     def friction_at(self, i: int, rest: float, unknown: float, factor: float, load: float) -> float:
-        """Friction of joint i that may be wrong [Nm], with the arguments of `rub`. `stiction_share`
-        fades at half the velocity of `rest`."""
+        """Friction of joint i that may be wrong [Nm], arguments as above. `stiction_share` fades
+        at half the velocity of `rest`."""
         rest *= rest
         rest *= rest
         coulomb = self._coulomb[i] * factor + load
@@ -75,7 +75,9 @@ class Levels:
         """Begin the next interval of joint i, with the present friction."""
         self.begin[i] = self._now
 
-    def unsure(self, i: int, unknown: bool, crossing: bool, shaken: bool, periods: float) -> float:
+    def uncertainty(
+        self, i: int, unknown: bool, crossing: bool, shaken: bool, periods: float
+    ) -> float:
         """Torque [Nm] that joint i may appear to show while the side of its gap is unknown or it
         crosses the gap, while another joint that leaves its gap shakes it, and after missing
         samples; periods: since the previous sample."""
@@ -84,18 +86,18 @@ class Levels:
             needed = max(needed, self.crossing[i] * self._has_gap[i])
         share = max(needed - self.share[i], 0.0)
         if unknown:
-            share += self._unsure * self._has_gap[i]
+            share += self._unknown_side_share * self._has_gap[i]
         missing = max(periods - 2.0, 0.0)
         share += min(missing * _MISSING_SHARE, _MISSING_MOST)
         return float(share * self._contact[i])
 
     def put_in_force(
-        self, i: int, learning: float, unsure: float, speed: float, dt: float
+        self, i: int, learning: float, uncertainty: float, speed: float, dt: float
     ) -> float:
         """Update the levels of joint i for this tick; returns the contact level [Nm]. learning:
-        torque of friction that is not yet learned [Nm]; unsure: as above; speed: of the motor
+        torque of friction that is not yet learned [Nm]; uncertainty: as above; speed: of the motor
         [rad/s]."""
-        self.raised[i] = max(self.raised[i] * decay(0.5 * self._gain * dt), unsure)
+        self.raised[i] = max(self.raised[i] * decay(0.5 * self._gain * dt), uncertainty)
         self.add_up(i, learning, speed)
         self.contact[i] = self.contact_at(i, self.above[i])
         grown = self._per_speed[i] * speed
@@ -114,7 +116,7 @@ class Levels:
         """Contact level of joint i [Nm], given what is `above` k times the configured one [Nm]."""
         return float(self.share[i] * self._contact[i] + above)
 
-    def usual(self, i: int, speed: float) -> float:
+    def configured(self, i: int, speed: float) -> float:
         """Configured contact level of joint i at a motor speed [Nm]."""
         return float(self._contact[i] + self._per_speed[i] * speed)
 

@@ -20,7 +20,7 @@ def _level_at(kernel: Kernel, i: int, speed: float) -> float:
     held = kernel.stiction.unknown_at_rest(i) * rest
     load = kernel.adaptation.load_friction(i, kernel.tau_M[i])
     above = levels.friction_at(i, rest, held, position.friction[i], load)
-    above += levels.unsure(i, unknown_side, False, False, 0.0)
+    above += levels.uncertainty(i, unknown_side, False, False, 0.0)
     unknown = kernel.adaptation.unknown_at(i, speed, kernel.transmitted[i])
-    above += levels.share[i] * (levels.usual(i, speed) - levels.usual(i, 0.0) + unknown)
+    above += levels.share[i] * (levels.configured(i, speed) - levels.configured(i, 0.0) + unknown)
     return float(levels.contact_at(i, above))

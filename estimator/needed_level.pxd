@@ -17,18 +17,18 @@ cdef class NeededLevel:
     @cython.locals(least=double)
     cpdef double crossing_level(self, Py_ssize_t i) noexcept
     @cython.locals(shown=double)
-    cpdef void carry(self, Py_ssize_t i, double beta, double usual) noexcept
+    cpdef void carry(self, Py_ssize_t i, double beta, double configured) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     @cython.locals(size=double, needed=double, quiet=bint)
     cpdef void note(
-        self, Py_ssize_t i, double corrected, double level, double usual, double unknown,
+        self, Py_ssize_t i, double corrected, double level, double configured, double unknown,
         double friction, double raised, bint relearns, bint moving, double dt
     ) noexcept
     @cython.locals(fade=double)
     cpdef void rest(self, Py_ssize_t i, double dt) noexcept
     @cython.locals(fade=double, size=double, alone=double, known=double, square=double, peak=double)
     cdef void _measure(
-        self, Py_ssize_t i, double corrected, double usual, double unknown, double friction,
+        self, Py_ssize_t i, double corrected, double configured, double unknown, double friction,
         bint relearns, double dt
     ) noexcept
     @cython.locals(most=double)

@@ -71,9 +71,9 @@ class NeededLevel:
         least = max(_LEAST_CROSSING, self._least[i])
         return float(min(max(_OF_CROSSING * self.crossing_peak[i], least), 1.0))
 
-    def carry(self, i: int, beta: float, usual: float) -> None:
-        """Set the torque `beta` that joint i carries; usual: its configured level [Nm]."""
-        shown = _OF_CARRIED * sqrt(self.carried_s[i] / self.moved_s[i]) + _OF_USUAL * usual
+    def carry(self, i: int, beta: float, configured: float) -> None:
+        """Set the torque `beta` that joint i carries; configured: its level [Nm]."""
+        shown = _OF_CARRIED * sqrt(self.carried_s[i] / self.moved_s[i]) + _OF_USUAL * configured
         self.carried[i], self.reach[i] = beta, max(1.0, abs(beta) / shown)  # 1 for NaN
 
     def reset(self, i: int) -> None:
@@ -82,13 +82,13 @@ class NeededLevel:
         self.peak_seen[i] = self.crossing_seen[i] = 0.0
 
     def note(
-        self, i: int, corrected: float, level: float, usual: float, unknown: float,
+        self, i: int, corrected: float, level: float, configured: float, unknown: float,
         friction: float, raised: float, relearns: bool, moving: bool, dt: float,
     ) -> None:  # fmt: skip
-        """Process the corrected residual of joint i over dt [s]. level, usual: contact levels in
-        force and configured; unknown: torque of friction not yet learned; friction, raised: parts
-        of the level in force for friction near rest and for transients [Nm]; relearns: friction is
-        being relearned, so that its residual soon ends, and needs no level."""
+        """Process the corrected residual of joint i over dt [s]. level, configured: contact
+        levels in force and configured; unknown: torque of friction not yet learned; friction,
+        raised: parts of the level in force for friction near rest and for transients [Nm];
+        relearns: friction is being relearned: its residual soon ends, and needs no level."""
         size = abs(corrected)
         quiet = size <= _LOUD * level  # false for NaN
         self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
@@ -99,12 +99,12 @@ class NeededLevel:
             self.peak_seen[i] = self.crossing_seen[i] = 0.0
         elif moving:
             self.passing[i] -= dt / _PASSES_S * self.passing[i]
-            if raised > _CROSSING * usual:
-                needed = (size - friction) / (usual + unknown)
+            if raised > _CROSSING * configured:
+                needed = (size - friction) / (configured + unknown)
                 self.crossing_peak[i] -= dt / _CROSSING_S * self.crossing_peak[i]
                 self.crossing_seen[i] = max(self.crossing_seen[i], needed)
             else:
-                self._measure(i, corrected, usual, unknown, friction, relearns, dt)
+                self._measure(i, corrected, configured, unknown, friction, relearns, dt)
         if self.quiet_s[i] > _QUIET_S:
             self._count(i, relearns)
 
@@ -116,7 +116,7 @@ class NeededLevel:
         self.carried_s[i] -= fade * self.carried_s[i]
 
     def _measure(
-        self, i: int, corrected: float, usual: float, unknown: float, friction: float,
+        self, i: int, corrected: float, configured: float, unknown: float, friction: float,
         relearns: bool, dt: float,
     ) -> None:  # fmt: skip
         """Add a corrected residual [Nm] to the mean square and to the peak, both over the
@@ -124,15 +124,15 @@ class NeededLevel:
         fade, size = dt / _RMS_S, abs(corrected)
         alone = size - min(max(self.lean[i] if corrected > 0.0 else -self.lean[i], 0.0), size)
         self.lean[i] += dt / _LEANS_S * (corrected - self.lean[i])
-        known = sqrt(self.squares_s[i] / self.moved_s[i]) * usual
+        known = sqrt(self.squares_s[i] / self.moved_s[i]) * configured
         if abs(self.lean[i]) <= known and not relearns:
-            square = min(max(alone, min(size, known)) / usual, _LARGEST)
+            square = min(max(alone, min(size, known)) / configured, _LARGEST)
             self.squares_s[i] += dt * square * square - fade * self.squares_s[i]
             self.moved_s[i] += dt - fade * self.moved_s[i]
             self.carried_s[i] += dt * self.carried[i] * self.carried[i] - fade * self.carried_s[i]
         self.peak[i] -= dt / _PEAK_S * self.peak[i]
-        peak = max(alone, min(size, self.level(i) / _OF_PEAK * usual))
-        self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (usual + unknown))
+        peak = max(alone, min(size, self.level(i) / _OF_PEAK * configured))
+        self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (configured + unknown))
 
     def _count(self, i: int, relearns: bool) -> None:
         """Count the peaks seen: it has been quiet since."""

@@ -116,7 +116,7 @@ class Recognition:
         self.confirmed = False
         self._model, self._period_s = model, period_s
         self._ticks = round(_BLOCK_S / period_s)
-        self._patience = round(_FORGOTTEN_S / period_s)
+        self._forgotten_ticks = round(_FORGOTTEN_S / period_s)
         # Sums over the present block: q, |q_dot|, residual, threshold.
         self._sum = np.zeros((4, n))
         self._count = self._unexplained = self._again = 0
@@ -174,7 +174,7 @@ class Recognition:
         if self.found is not None:
             lost = self.left(q, residual, threshold).any()
             self._unexplained = self._unexplained + 1 if lost else 0
-            if self._unexplained >= self._patience:
+            if self._unexplained >= self._forgotten_ticks:
                 self.forget()
         if self._count >= self._ticks and self._sum[1].max() * self._period_s > _TRAVEL / _BLOCKS:
             self._end_block(q, q_dot)

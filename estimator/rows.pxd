@@ -12,7 +12,7 @@ cdef long long _INVALID
 
 @cython.locals(flags="long long", k=Py_ssize_t, i=Py_ssize_t, row=Py_ssize_t)
 cpdef void step_through(
-    Kernel kernel, const double[:, :, ::1] samples, const long long[:, ::1] came,
+    Kernel kernel, const double[:, :, ::1] samples, const long long[:, ::1] arrived,
     const double[::1] dt, const long long[::1] resets, double[:, :, ::1] shown,
     double[:, :, ::1] residuals, signed char[:, ::1] side, double[:, ::1] wrench,
     long long[:, ::1] words

@@ -15,7 +15,7 @@ _INVALID = int(Flag.INVALID)
 def step_through(
     kernel: Kernel,
     samples: NDArray[np.float64],
-    came: NDArray[np.int64],
+    arrived: NDArray[np.int64],
     dt: Vector,
     resets: NDArray[np.int64],
     shown: NDArray[np.float64],
@@ -24,8 +24,8 @@ def step_through(
     wrench: NDArray[np.float64],
     words: NDArray[np.int64],
 ) -> None:
-    """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after each
-    tick whose `resets` (N,) is 1.
+    """Step through N ticks: samples (N, 4, n), arrived (N, n) and dt (N,), with a reset after
+    each tick whose `resets` (N,) is 1.
 
     Results go to rows 1 to N of shown (N + 1, 10, n), residuals (N + 1, variants, n), side (N + 1,
     n), wrench (N + 1, WIDTH) and words (N + 1, 2): flags and touched link. Row 0 holds the previous
@@ -33,7 +33,7 @@ def step_through(
     """
     for k in range(dt.shape[0]):
         for i in range(kernel.n):
-            kernel.came[i] = came[k, i]
+            kernel.arrived[i] = arrived[k, i]
             for row in range(4):
                 kernel.alignment.samples[row, i] = samples[k, row, i]
         flags = kernel.step(dt[k])

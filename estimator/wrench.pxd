@@ -22,7 +22,7 @@ cdef class Wrench:
 
     @cython.locals(lag=double, parts=double)
     cpdef void weigh(
-        self, Py_ssize_t i, double r, double dt, double usual, double friction, double raised,
+        self, Py_ssize_t i, double r, double dt, double configured, double friction, double raised,
         double unlearned, double torque, bint senses
     ) noexcept
     @cython.locals(square=double, misfit=double, strength=double, counted=double, along=double, level=double)

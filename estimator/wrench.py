@@ -72,16 +72,16 @@ class Wrench:
         self.peak, self.peak_seen, self.quiet_s = _FIRST / _OF_PEAK, 0.0, 0.0
 
     def weigh(
-        self, i: int, r: float, dt: float, usual: float, friction: float, raised: float,
+        self, i: int, r: float, dt: float, configured: float, friction: float, raised: float,
         unlearned: float, torque: float, senses: bool,
     ) -> None:  # fmt: skip
-        """Take the residual of joint i [Nm], dt [s] after the previous one. usual: its configured
-        level times the share in force; friction, raised, unlearned: parts of the level in force;
+        """Take the residual of joint i [Nm], dt [s] after the previous one. configured: its level
+        times the share in force; friction, raised, unlearned: parts of the level in force;
         torque: transmitted. A joint that does not sense has no weight."""
         lag = abs(r - self.before[i]) / (self._gain * dt)
         lag = self.lag[i] = max(lag, self.lag[i] / (1.0 + self._gain * dt))
-        parts = (self._level * usual) * (self._level * usual) + _LEAST_NM * _LEAST_NM
-        friction = _FRICTION * friction + _STUCK * max(friction - _OF_LEVEL * usual, 0.0)
+        parts = (self._level * configured) * (self._level * configured) + _LEAST_NM * _LEAST_NM
+        friction = _FRICTION * friction + _STUCK * max(friction - _OF_LEVEL * configured, 0.0)
         parts += friction * friction
         parts += (_RAISED * raised) * (_RAISED * raised)
         parts += (_UNLEARNED * unlearned) * (_UNLEARNED * unlearned)

@@ -14,7 +14,7 @@ import numpy as np
 
 from common.arrays import Matrix, Vector
 from identification.log_intervals import Mask
-from identification.possible_bodies import pulled_fit
+from identification.possible_bodies import regularised_fit
 
 FEWEST = 50.0
 """Sum of weights below which a joint's rows carry no information."""
@@ -110,7 +110,7 @@ def fitted(joints: list[JointRows], chosen: Mask, nominal: Matrix, period_s: flo
     d = np.zeros(nominal.size)
     for _ in range(REWEIGHTED):
         square, product = summed(normals, d, period_s)
-        parameters, information = pulled_fit(square, product, nominal)
+        parameters, information = regularised_fit(square, product, nominal)
         d = (parameters - nominal).ravel()
     friction = [normal.friction(d) for normal in normals]
     return BodiesFit(parameters, d, information, square, friction)

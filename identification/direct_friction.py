@@ -18,7 +18,7 @@ _EVEN, _ALONG = 0.05, 0.2  # of the speed: its variation, and the link's against
 _STILL, _SHAKEN = 0.1, 21  # of the speed, up to which another joint stands; samples around more
 _BEGIN_S = 0.6  # of a stroke, while friction reverses and the position loop settles
 _SHARED, _SAME_POSE = 0.1, 0.01  # of a stroke, by the return stroke; [rad] of the others
-_FEWEST, _FEWEST_WAYS = 15, 3  # samples of a stroke; strokes
+_FEWEST, _FEWEST_STROKES = 15, 3  # samples of a stroke; strokes
 _BIN, _CELLS = 0.1, 4  # range of positions for a point [rad], and its number of cells
 _UNEVEN = 0.01  # of friction
 
@@ -67,7 +67,7 @@ class Law:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class SteadyStroke:
     """Steady part of one stroke: positions and torque (N,), signed speed, mean of positions
     (n,)."""
 
@@ -77,46 +77,48 @@ class Way:
     pose: Vector
 
 
-def to_and_fro(log: MotionLog, i: int, constant: float, delay_s: float) -> list[list[Way]]:
+def grouped_strokes(
+    log: MotionLog, i: int, constant: float, delay_s: float
+) -> list[list[SteadyStroke]]:
     """Strokes of joint i, grouped by those that follow each other to and fro at one speed while all
     other joints stand. constant: K_c [Nm/A]; delay_s: delay of the current [s]."""
-    groups: list[list[Way]] = [[]]
-    for way in _ways(log, i, constant, delay_s):
-        if groups[-1] and not _goes_back(groups[-1][-1], way, i):
+    groups: list[list[SteadyStroke]] = [[]]
+    for stroke in _steady_strokes(log, i, constant, delay_s):
+        if groups[-1] and not _goes_back(groups[-1][-1], stroke, i):
             groups.append([])
-        groups[-1].append(way)
-    return [ways for ways in groups if len(ways) >= _FEWEST_WAYS]
+        groups[-1].append(stroke)
+    return [strokes for strokes in groups if len(strokes) >= _FEWEST_STROKES]
 
 
-def points(groups: Sequence[Sequence[Way]]) -> list[Point]:
+def points(groups: Sequence[Sequence[SteadyStroke]]) -> list[Point]:
     """Friction at each load and speed that neighbouring strokes share."""
-    return [point for ways in groups for point in _of_one_speed(ways)]
+    return [point for strokes in groups for point in _of_one_speed(strokes)]
 
 
-def _ways(log: MotionLog, i: int, constant: float, delay_s: float) -> list[Way]:
+def _steady_strokes(log: MotionLog, i: int, constant: float, delay_s: float) -> list[SteadyStroke]:
     v = np.stack([smoothed(column, 9) for column in log.motor_velocity.T], axis=1)
     own, q = v[:, i], log.link_position[:, i]
     q_dot = np.gradient(smoothed(q, 9), log.time_s)
     still = np.maximum(_SLOWEST, _STILL * np.abs(own))[:, None]
     moving = (np.abs(np.delete(v, i, axis=1)) > still).any(axis=1)
     alone = np.convolve(moving, np.ones(_SHAKEN), mode="same") < 0.5
-    way = np.where(np.abs(own) > _SLOWEST, np.sign(own), 0.0)
+    direction = np.where(np.abs(own) > _SLOWEST, np.sign(own), 0.0)
     pause = np.diff(log.time_s, prepend=log.time_s[0]) > PAUSE_S
-    edges = np.flatnonzero((np.diff(way, prepend=0.0) != 0.0) | pause).tolist()
+    edges = np.flatnonzero((np.diff(direction, prepend=0.0) != 0.0) | pause).tolist()
     found = []
-    for a, b in itertools.pairwise([*edges, len(way)]):
+    for a, b in itertools.pairwise([*edges, len(direction)]):
         speed = float(np.median(own[a:b]))
         even = alone[a:b] & (np.abs(own[a:b] - speed) < _EVEN * abs(speed) + _NOISE)
         even &= np.abs(q_dot[a:b] - speed) < _ALONG * abs(speed)
         even &= log.time_s[a:b] > log.time_s[a] + _BEGIN_S
         rows = a + np.flatnonzero(even)
-        if way[a] and len(rows) >= _FEWEST:
+        if direction[a] and len(rows) >= _FEWEST:
             pose, at = log.link_position[rows].mean(axis=0), q[rows] - speed * delay_s
-            found.append(Way(at, constant * log.current[rows, i], speed, pose))
+            found.append(SteadyStroke(at, constant * log.current[rows, i], speed, pose))
     return found
 
 
-def _goes_back(a: Way, b: Way, i: int) -> bool:
+def _goes_back(a: SteadyStroke, b: SteadyStroke, i: int) -> bool:
     """True if b is the return stroke of a: same speed, same positions, the other joints unmoved."""
     moved = np.abs(np.delete(a.pose - b.pose, i))
     if abs(a.speed + b.speed) > _ALONG * abs(a.speed) or (moved > _SAME_POSE).any():
@@ -125,15 +127,15 @@ def _goes_back(a: Way, b: Way, i: int) -> bool:
     return bool(shared > _SHARED * min(np.ptp(a.q), np.ptp(b.q)))
 
 
-def _of_one_speed(ways: Sequence[Way]) -> Iterator[Point]:
-    low, high = max(way.q.min() for way in ways), min(way.q.max() for way in ways)
+def _of_one_speed(strokes: Sequence[SteadyStroke]) -> Iterator[Point]:
+    low, high = max(one.q.min() for one in strokes), min(one.q.max() for one in strokes)
     count = max(1, round((high - low) / _BIN))
     cells = np.linspace(low, max(low, high), _CELLS * count + 1)
-    torque = np.stack([_mean(way, cells) for way in ways])
-    sign = np.sign([way.speed for way in ways[:-1]])[:, None]
+    torque = np.stack([_mean(stroke, cells) for stroke in strokes])
+    sign = np.sign([stroke.speed for stroke in strokes[:-1]])[:, None]
     friction, load = 0.5 * sign * (torque[:-1] - torque[1:]), 0.5 * (torque[:-1] + torque[1:])
-    speed = float(np.mean([abs(way.speed) for way in ways]))
-    unsure = 0.5 * min(resolution(way.torque) for way in ways)
+    speed = float(np.mean([abs(stroke.speed) for stroke in strokes]))
+    unsure = 0.5 * min(resolution(stroke.torque) for stroke in strokes)
     for halves, loads in zip(
         *(np.split(of, count, axis=1) for of in (friction, load)), strict=True
     ):
@@ -143,7 +145,7 @@ def _of_one_speed(ways: Sequence[Way]) -> Iterator[Point]:
             yield Point(float(loads[seen].mean()), speed, half, scatter)
 
 
-def _mean(way: Way, cells: Vector) -> Vector:
+def _mean(stroke: SteadyStroke, cells: Vector) -> Vector:
     """Mean torque in each cell of positions; NaN where the stroke has no sample."""
-    count, total = (np.histogram(way.q, cells, weights=w)[0] for w in (None, way.torque))
+    count, total = (np.histogram(stroke.q, cells, weights=w)[0] for w in (None, stroke.torque))
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

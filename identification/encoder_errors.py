@@ -38,7 +38,7 @@ class Harmonic:
 
 
 @dataclass(frozen=True, slots=True)
-class Turns:
+class HarmonicColumns:
     """Columns (N, 2 k) of the harmonics that the motion covers: cosine and sine of each."""
 
     columns: Matrix
@@ -60,7 +60,7 @@ class Turns:
         return tuple(found)
 
 
-def turns(q: Vector, theta: Vector, gear: float) -> Turns:
+def turns(q: Vector, theta: Vector, gear: float) -> HarmonicColumns:
     """Columns for link and motor positions (N,) [rad at the link]; gear: turns of the motor per
     turn of the link, 0 if unknown, then of the link alone."""
     angles: list[tuple[Literal["link", "motor"], Vector]] = [("link", q)]
@@ -75,4 +75,4 @@ def turns(q: Vector, theta: Vector, gear: float) -> Turns:
             columns.append(np.stack([np.cos(order * angle), np.sin(order * angle)], axis=1))
             of.append((encoder, order))
             shown.append(turned >= SHOWN)
-    return Turns(np.concatenate(columns, axis=1), tuple(of), tuple(shown))
+    return HarmonicColumns(np.concatenate(columns, axis=1), tuple(of), tuple(shown))

@@ -115,7 +115,7 @@ def _random_series(
     return Fourier(center, scale * sine, scale * cosine, period_s, lowest)
 
 
-def soft_run(length_s: float, ramp_s: float, dt: float) -> Vector:
+def smooth_path_times(length_s: float, ramp_s: float, dt: float) -> Vector:
     """Path times (N,) every dt from 0 to length_s, whose rate rises from 0 to 1 and falls back
     along s-curves of ramp_s."""
     ramp_s = min(ramp_s, length_s)
@@ -149,5 +149,5 @@ def trajectory(
     """Link positions (N, n) every dt: from `here` to the beginning of the motion, and `seconds` of
     it, rounded up to whole periods, with a soft start and stop."""
     periods = max(1, int(np.ceil(seconds / motion.period_s - 1e-9)))
-    path, _, _ = motion.at(soft_run(periods * motion.period_s, ramp_s, dt))
+    path, _, _ = motion.at(smooth_path_times(periods * motion.period_s, ramp_s, dt))
     return np.vstack([point_to_point(here, path[0], bounds, dt), path[1:]])

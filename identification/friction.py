@@ -20,7 +20,7 @@ from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission
 from identification.coupling import coupled
-from identification.friction_errors import with_what_is_believed
+from identification.friction_errors import with_model_errors
 from identification.friction_fit import FrictionFit, adopt
 from identification.friction_verdict import Verdict, verdict_on, wider
 from identification.log_intervals import Intervals, Mask, intervals, locate, play
@@ -124,7 +124,7 @@ def identify_friction(
     before = None if by_urdf is None else intervals(log, by_urdf, settings)
     guessed = np.zeros(log.n) if guessed is None else guessed
     unknown_constant = ~np.isfinite(guessed)
-    fits = with_what_is_believed(
+    fits = with_model_errors(
         fits, solved, found, rows, model, weighed=weighed, by_urdf=before,
         guessed=np.where(unknown_constant, 0.0, guessed),
     )  # fmt: skip

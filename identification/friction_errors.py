@@ -33,7 +33,7 @@ _NEAR_REST = 0.002
 """Share of Coulomb friction that may seem to depend on speed, as it is lower near rest."""
 
 
-def with_what_is_believed(
+def with_model_errors(
     fits: list[FrictionFit],
     solved: list[Solution],
     found: Regression,

@@ -86,16 +86,16 @@ class FrictionFit:
         return off if off > _MATTERS * self.values["K_theta_s"] else 0.0
 
     @property
-    def unsure(self) -> float:
+    def uncertainty(self) -> float:
         """Relative width of the 95 % interval of friction, the wider of Coulomb and viscous."""
-        return self.unsure_after(self.seconds)
+        return self.uncertainty_after(self.seconds)
 
     @property
     def masses_matter(self) -> bool:
         """True if that is clearly narrower with identified masses."""
-        return self.unsure_after(self.seconds, weighed=True) < _NARROWER * self.unsure
+        return self.uncertainty_after(self.seconds, weighed=True) < _NARROWER * self.uncertainty
 
-    def unsure_after(self, seconds: float, *, weighed: bool = False) -> float:
+    def uncertainty_after(self, seconds: float, *, weighed: bool = False) -> float:
         """The same for a motion like this one of another length: noise falls with the root of the
         length; the part of masses (unless `weighed`) and torque constant remains."""
         shorter, of = self.seconds / seconds, self.of_masses if weighed else {}
@@ -107,8 +107,8 @@ class FrictionFit:
         return float(2.0 * NORMAL_95 * max(widths))
 
     def seconds_for(self, width: float) -> float:
-        """Length [s] of a motion like this one after which `unsure` is `width`; infinite if the
-        part of masses and torque constant is wider."""
+        """Length [s] of a motion like this one after which `uncertainty` is `width`; infinite if
+        the part of masses and torque constant is wider."""
         needed = []
         for name, size in self._sizes():
             noise = self.noise[name] ** 2

@@ -24,7 +24,7 @@ _RARE = 0.03  # share of the time in motion; a border met more rarely is not tru
 _RESTS = 50  # fewest samples
 _ROTORS = 0.75  # rotor's share of all friction, if unknown: half to all
 _WIDE = 0.5  # largest half-interval over alpha
-_MUTE = 0.01  # [Nm], the least that a gear carries; less is in another unit
+_LEAST_TORQUE = 0.01  # [Nm], the least that a gear carries; less is in another unit
 _APART, _PLACES = 0.08, 24  # spacing of the places of a map [rad], and their largest number
 _LARGEST = 0.015  # largest range of a map [rad]
 _UNSURE = 0.1  # error of the bending: friction is not quite constant
@@ -69,10 +69,11 @@ def from_motion(
     )
     if torque is None or (found.limit is not None and found.limit.name not in _SCATTERED):
         return found
-    if found.limit is None and seen.size < _MUTE:
-        mute = Limit("least torque of a gear over the measured one", _MUTE / max(seen.size, 1e-4),
-                     1.0, "", "it is not this motor's, or has another unit")  # fmt: skip
-        return refused(found, GapVerdict.UNCLEAR, [mute])
+    if found.limit is None and seen.size < _LEAST_TORQUE:
+        least = Limit("least torque of a gear over the measured one",
+                      _LEAST_TORQUE / max(seen.size, 1e-4), 1.0, "",
+                      "it is not this motor's, or has another unit")  # fmt: skip
+        return refused(found, GapVerdict.UNCLEAR, [least])
     closer = _mapped(name, seen, q[rests], repeats.columns[rests], enough)
     if found.limit is not None or not closer.usable:
         return closer if found.limit is not None else found

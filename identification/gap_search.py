@@ -23,7 +23,7 @@ SPEED = 0.03
 _SLOW = 0.015  # [rad/s], for gaps that else are crossed within a second
 _SLOWEST, _PERIOD_S = 0.007, 0.01  # [rad/s] for longer periods, between which it moves on
 _NARROW = 0.015  # [rad] of half-gap
-_SCOUTS = 2
+_TRIAL_STROKES = 2
 _BEYOND = 0.03  # [rad] beyond the gap, so that the link follows
 WIDEST = 0.13
 """Largest half-gap that is searched for [rad]."""
@@ -42,7 +42,7 @@ class Strokes:
 
     about: float
     """Link position of that pose [rad]"""
-    way: float
+    travel: float
     """distance of the motor from end to end [rad]"""
     speed: float
     """[rad/s]"""
@@ -71,13 +71,13 @@ def search(
     half, about, moves = max(guess, 0.002), start, 0
     fastest = float(np.clip(SPEED * _PERIOD_S / period_s, _SLOWEST, SPEED))
 
-    def strokes(way: float, speed: float, count: int) -> Strokes:
-        way = min(way, room[1] - room[0])
-        inside = np.clip(about, room[0] + 0.5 * way, room[1] - 0.5 * way)
-        return Strokes(float(inside), way, speed, count)
+    def strokes(travel: float, speed: float, count: int) -> Strokes:
+        travel = min(travel, room[1] - room[0])
+        inside = np.clip(about, room[0] + 0.5 * travel, room[1] - 0.5 * travel)
+        return Strokes(float(inside), travel, speed, count)
 
     while True:
-        log = yield strokes(2.0 * half + _BEYOND, fastest, _SCOUTS)
+        log = yield strokes(2.0 * half + _BEYOND, fastest, _TRIAL_STROKES)
         scouted = by_strokes(log, joint, torque_constant, gear)
         there = _balance(log, joint, torque_constant, gravity)
         reachable = abs(there - start) < _OFF and room[0] < there < room[1]

@@ -71,11 +71,11 @@ def identify_payload(
     transmission: Transmission,
     settings: EstimatorSettings,
     max_current: Vector,
-    bodies_unsure: float,
+    bodies_error: float,
 ) -> PayloadFit:
     """Load in the hand during a motion without contact; model: that of the empty hand.
 
-    max_current (n,) [A]; bodies_unsure: relative error of the bodies that the joints move. Raises
+    max_current (n,) [A]; bodies_error: relative error of the bodies that the joints move. Raises
     LogError for a log of less than `SHORTEST_S`.
     """
     width = transmission.sign_width
@@ -83,7 +83,7 @@ def identify_payload(
     of_hand = motion.regressor[:, :, model.hand_joint]
     all_rows, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
-    arm, before = _bodies(motion.regressor, model, bodies_unsure)
+    arm, before = _bodies(motion.regressor, model, bodies_error)
     asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
     no_offset = np.zeros(log.n, dtype=np.bool_)
     for _ in range(_ROUNDS):

@@ -19,7 +19,7 @@ from estimator.body_inertia import PARAMETERS, parameters_of, pseudo_inertia
 
 USUAL = 0.2
 """Usual relative error of a URDF's bodies: one standard deviation."""
-PULL = 0.25 / USUAL**2
+PENALTY = 0.25 / USUAL**2
 """Weight of D: a mass that is off by that, with its tensor, costs what one standard deviation does
 (D is 4 x^2 / 2 for a relative error x)."""
 _OFF_CENTER = 0.02
@@ -43,8 +43,8 @@ def possible(parameters: Vector) -> Vector:
     return parameters_of(P)
 
 
-def pulled_fit(square: Matrix, product: Vector, nominal: Matrix) -> tuple[Matrix, Matrix]:
-    """Parameters (k, 10) that minimise d' H d / 2 - b' d + PULL sum D, d the difference from
+def regularised_fit(square: Matrix, product: Vector, nominal: Matrix) -> tuple[Matrix, Matrix]:
+    """Parameters (k, 10) that minimise d' H d / 2 - b' d + PENALTY sum D, d the difference from
     nominal (k, 10), `possible` ones; and the Hessian there, (10 k, 10 k): the inverse of their
     covariance.
 
@@ -102,7 +102,7 @@ def _value(at: Matrix, nominal: Matrix, square: Matrix, product: Vector, inverse
         except np.linalg.LinAlgError:
             return float("inf")
         relative = known @ P
-        value += PULL * float(np.trace(relative) - np.linalg.slogdet(relative)[1] - 4.0)
+        value += PENALTY * float(np.trace(relative) - np.linalg.slogdet(relative)[1] - 4.0)
     return value
 
 
@@ -114,7 +114,7 @@ def _derivatives(
     for i, (row, known) in enumerate(zip(at, inverse, strict=True)):
         own = slice(PARAMETERS * i, PARAMETERS * (i + 1))
         here = np.linalg.inv(pseudo_inertia(row))
-        gradient[own] += PULL * np.einsum("jab,ba->j", _BASIS, known - here)
+        gradient[own] += PENALTY * np.einsum("jab,ba->j", _BASIS, known - here)
         turned = here @ _BASIS
-        hessian[own, own] += PULL * np.einsum("jab,kba->jk", turned, turned)
+        hessian[own, own] += PENALTY * np.einsum("jab,kba->jk", turned, turned)
     return gradient, hessian

@@ -44,7 +44,7 @@ class StrokeFit:
     harmonics: tuple[Harmonic, ...]
     coulomb: float
     """of the rotor [Nm]"""
-    unsure: float
+    bending_error: float
     """error of the bending [rad], if that friction is unknown, or the torque does not show it"""
     hidden: float
     """[rad]: `_hidden`"""
@@ -56,7 +56,7 @@ class StrokeFit:
         """Half the 95 % interval of alpha [rad]."""
         repeats = sum(harmonic.amplitude for harmonic in self.harmonics)
         seen = float(np.hypot(2.0 * self.error, self.hidden))
-        return seen + _UNSURE * (self.bent + repeats) + self.unsure + ENCODERS
+        return seen + _UNSURE * (self.bent + repeats) + self.bending_error + ENCODERS
 
 
 def fitted(
@@ -181,7 +181,7 @@ def _solved(
         harmonics=repeats.harmonics(solution[of_turn], np.sqrt(variances[of_turn]), harmonic)
         if turned > SHOWN else (),
         coulomb=float("nan"),
-        unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
+        bending_error=USUAL * load if solution[1] < STIFFEST else 0.0,
         hidden=_hidden(seen),
         noise=rows.noise,
     )  # fmt: skip

@@ -65,8 +65,8 @@ class Motion:
 
     time_s (N,) [s]; position of the links (N, n) [rad]; velocity of the motors (N, n) [rad/s];
     residual (N, n) [Nm]; raised (N, n) [Nm]: raise of the thresholds near rest, without their
-    growth with speed; touched (N, n): the joint exceeded its contact level; unsure (N,): ticks in
-    which the residual was old, or restarted. Neither of the latter two is used.
+    growth with speed; touched (N, n): the joint exceeded its contact level; uncertain (N,): ticks
+    in which the residual was old, or restarted. Neither of the latter two is used.
     """
 
     time_s: Vector
@@ -75,7 +75,7 @@ class Motion:
     residual: Matrix
     raised: Matrix
     touched: NDArray[np.bool_]
-    unsure: NDArray[np.bool_]
+    uncertain: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class Discarded:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ObservedRange:
     """Range of a joint's motion from which its level was identified."""
 
     speed: float
@@ -119,7 +119,7 @@ class LevelsResult:
     largest: float = float("nan")
     """|r| beyond the temporary raise of the threshold, in the motion used"""
     used_s: float = 0.0
-    seen: Seen = Seen(0.0, 0.0, 0.0)
+    seen: ObservedRange = ObservedRange(0.0, 0.0, 0.0)
     discarded: tuple[Discarded, ...] = ()
     alone_s: float = float("nan")
     """Time [s] of a largest |r| beyond `_ALONE` times the rest, which is a touch, or rare"""
@@ -134,7 +134,7 @@ def identify_levels(
     per_block = max(1, round(BLOCK_S / period_s))
     count = len(motion.residual) // per_block
     complete = slice(0, count * per_block)
-    frozen = _around(np.logical_or.reduce(motion.touched, axis=1) | motion.unsure, period_s)
+    frozen = _around(np.logical_or.reduce(motion.touched, axis=1) | motion.uncertain, period_s)
     blocks = _beyond(motion)[complete].reshape(count, per_block, -1)
     used = np.logical_and.reduce(~frozen[complete].reshape(count, per_block), axis=1)
     maxima = blocks.max(axis=1)
@@ -194,10 +194,10 @@ def _stretches(
     return found
 
 
-def _seen(motion: Motion, i: int) -> Seen:
+def _seen(motion: Motion, i: int) -> ObservedRange:
     lower, upper = np.percentile(motion.position[:, i], [0.5, 99.5])
     speed = float(np.percentile(np.abs(motion.velocity[:, i]), 99.0))
-    return Seen(speed, float(lower), float(upper))
+    return ObservedRange(speed, float(lower), float(upper))
 
 
 def _doubted(

@@ -22,7 +22,7 @@ _ROWS: Final = 10_000  # rows of a log that are used
 _GAIN: Final = 30.0  # of the filter on both sides of the fit [1/s]
 _LOWEST_HZ: Final = 4.0  # motion and friction are below
 _WINDOW_S: Final = 4.0
-_DROWNS: Final = 1.0  # ratio to the friction from which on vibration is filtered out
+_FILTERED_FROM: Final = 1.0  # ratio to the friction from which on vibration is filtered out
 _WIDE, _TONE = 0.3, 0.6  # octaves about its peak, and share of the power there
 
 
@@ -48,7 +48,7 @@ def without_vibration(
         around = float(left[np.abs(np.log2(np.maximum(f, f[1]) / max(peak, f[1]))) < _WIDE].sum())
         size, edge = float(np.sqrt(2.0 * around * f[1])), 0.7 * peak
         tone = around > _TONE * float(left.sum())  # unlike a gap's crossings
-        if tone and size > _DROWNS * abs(found[1]) > 0.0 and edge > _LOWEST_HZ:
+        if tone and size > _FILTERED_FROM * abs(found[1]) > 0.0 and edge > _LOWEST_HZ:
             sos = butter(4, edge, fs=1.0 / log.period_s, output="sos")
             for part in log.stretches():
                 if part.stop - part.start > 30:

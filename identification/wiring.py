@@ -211,7 +211,7 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
     return {s.upward for s in strokes_in(log, joint) if s.carried} == {True, False}
 
 
-def scale_unsure(log: MotionLog, joint: int) -> bool:
+def scale_uncertain(log: MotionLog, joint: int) -> bool:
     """True if the link's ratio deviates by no more than an encoder error over so short a motion, or
     a link that bounces or floats, may cause, or differs between directions: move it once more."""
     strokes = strokes_in(log, joint)

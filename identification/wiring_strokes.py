@@ -24,9 +24,9 @@ class Stroke:
     motor and wait for it, and friction may hold one that fell to the other border."""
 
     rows: slice
-    turned: float
+    motor_travel: float
     """by the motor [rad], > 0"""
-    way: float
+    link_travel: float
     """motion of the link in the direction of the motor [rad]"""
     steady: bool
     """The link moved by the same ratio in both halves"""
@@ -35,7 +35,7 @@ class Stroke:
     @property
     def carried(self) -> bool:
         """True if the gear moved the link along, whatever sign or scale is configured."""
-        return self.steady and abs(self.way) > 0.5 * self.turned
+        return self.steady and abs(self.link_travel) > 0.5 * self.motor_travel
 
 
 def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
@@ -48,37 +48,37 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     ways = []
     for a, b in itertools.pairwise(edges):
         if direction[a] and b - a >= 10:
-            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            motor = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
             if log.motor_position is not None:  # a coarse velocity is off by half a count, steadily
                 by_position = direction[a] * log.motor_position[a:b, joint]
-                if by_position[-1] - by_position[0] > _MEASURED * turned[-1]:
-                    turned = np.maximum.accumulate(by_position)
-            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
-    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
+                if by_position[-1] - by_position[0] > _MEASURED * motor[-1]:
+                    motor = np.maximum.accumulate(by_position)
+            ways.append((a, motor - motor[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(motor[-1]) for _, motor, _ in ways), default=0.0)
     strokes = []
-    for a, turned, way in ways:
-        total = float(turned[-1])
+    for a, motor, link in ways:
+        total = float(motor[-1])
         if total < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
         piece = min(0.5 * total, PIECE)
-        found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
+        found = [_stroke(a, motor, link, end - piece, end, bool(direction[a] > 0.0))
                  for end in np.arange(total, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 
 
 def _stroke(
-    first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
+    first: int, motor: Vector, link: Vector, begin: float, end: float, upward: bool
 ) -> Stroke:
     """Motion of motor and link while the motor turned from `begin` to `end`."""
-    a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
-    b = min(b, len(turned) - 1)
-    early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
-    late = (way[b] - way[middle]) / max(turned[b] - turned[middle], 1e-9)
+    a, middle, b = np.searchsorted(motor, [begin, 0.5 * (begin + end), end]).tolist()
+    b = min(b, len(motor) - 1)
+    early = (link[middle] - link[a]) / max(motor[middle] - motor[a], 1e-9)
+    late = (link[b] - link[middle]) / max(motor[b] - motor[middle], 1e-9)
     return Stroke(
         rows=slice(first + a, first + b + 1),
-        turned=float(turned[b] - turned[a]),
-        way=float(way[b] - way[a]),
+        motor_travel=float(motor[b] - motor[a]),
+        link_travel=float(link[b] - link[a]),
         steady=bool(abs(late - early) < _STEADY),
         upward=upward,
     )
@@ -88,13 +88,13 @@ def between(strokes: list[Stroke]) -> tuple[float, float]:
     """Least and largest motion of the link over that of the motor, in complete pieces in which the
     gear carried; in all such pieces if none is complete."""
     carried = [s for s in strokes if s.carried]
-    ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * PIECE]
-    ratios = ratios or [s.way / s.turned for s in carried]
+    ratios = [s.link_travel / s.motor_travel for s in carried if s.motor_travel > _WHOLE * PIECE]
+    ratios = ratios or [s.link_travel / s.motor_travel for s in carried]
     return min(ratios, default=float("nan")), max(ratios, default=float("nan"))
 
 
 def follows_by(strokes: list[Stroke]) -> float:
     """Motion of the link over that of the motor where the gear carried; NaN if it never did."""
     carried = [s for s in strokes if s.carried]
-    turned = sum(s.turned for s in carried)
-    return sum(s.way for s in carried) / turned if turned else float("nan")
+    motor = sum(s.motor_travel for s in carried)
+    return sum(s.link_travel for s in carried) / motor if motor else float("nan")

@@ -13,7 +13,7 @@ from simulator.damiao.models import DamiaoMake
 from simulator.damiao.motor import DamiaoMotor
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive
-from simulator.events import Happening, Listener
+from simulator.events import Listener, SimulationEvent
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
 from simulator.mismatch import steady_steps, true_gears, true_parameters
@@ -222,7 +222,7 @@ class SimulatedArm:
                 node.tick(now)
         if self._handled:
             for words in self.hand.update(now, self.plant.q, SERVO_PERIOD_S):
-                self._on_event(Happening(now, "hand", words))
+                self._on_event(SimulationEvent(now, "hand", words))
         self.plant.external_torque[:] = self.external_torque
 
     @property
@@ -268,7 +268,7 @@ class SimulatedArm:
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=extended))
 
     def _report_drive(self, text: str) -> None:
-        self._on_event(Happening(self.now, "drive", text))
+        self._on_event(SimulationEvent(self.now, "drive", text))
 
 
 def _node(joint: int, wired: Surroundings) -> Drive | Motor:

@@ -6,7 +6,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class SimulationEvent:
     """One event, such as the fault of a drive or a push of the hand; `text` is one sentence."""
 
     at_s: float
@@ -15,4 +15,4 @@ class Happening:
     text: str
 
 
-Listener = Callable[[Happening], None]
+Listener = Callable[[SimulationEvent], None]

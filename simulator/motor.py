@@ -84,12 +84,12 @@ class Motor:
         if self._about.brake:
             self._wired.plant.brake(self._joint, closed)
 
-    def _impede(self, per_ampere: float, highest: float) -> None:
+    def _set_impedance(self, per_ampere: float, highest: float) -> None:
         """Execute the command as an impedance, with at most the `highest` current [A]."""
         c, sign, joint = self.command, self._make.motor_sign, self._joint
         self._servo.release(joint)
         self._laws.scale(joint, 1.0 / per_ampere, min(highest, self._about.max_current_A))
-        self._laws.impede(joint, self._goal, sign * c.velocity, c.kp, c.kd, sign * c.torque)
+        self._laws.set_impedance(joint, self._goal, sign * c.velocity, c.kp, c.kd, sign * c.torque)
 
     @property
     def _goal(self) -> float:

@@ -8,7 +8,7 @@ cdef class MotorLaws:
 
     cpdef void measure(self, Py_ssize_t joint, double share) noexcept
     cpdef void head(self, Py_ssize_t joint, double goal, double gain, double fastest) noexcept
-    cpdef void impede(
+    cpdef void set_impedance(
         self, Py_ssize_t joint, double position, double velocity, double kp, double kd,
         double torque
     ) noexcept

@@ -41,7 +41,7 @@ class MotorLaws:
         self._heads[joint] = 1.0
         self.positions += 1
 
-    def impede(
+    def set_impedance(
         self, joint: int, position: float, velocity: float, kp: float, kd: float, torque: float
     ) -> None:
         """Impedance: the motor torque is kp (position - theta) + kd (velocity - theta_dot) +

@@ -16,9 +16,9 @@ from common.errors import BusError
 from simulator.arm import SimulatedArm
 from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.events import Happening
-from simulator.hand_door import HandDoor
+from simulator.events import SimulationEvent
 from simulator.hand_script import AnyAct
+from simulator.hand_socket import HandSocket
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001
@@ -43,9 +43,9 @@ class RealTimeArm:
         send: Callable[[can.Message], None],
         hand_script: Sequence[AnyAct],
         events: BinaryIO | None,
-        door: HandDoor | None = None,
+        hand: HandSocket | None = None,
     ) -> None:
-        self._events, self._door = events, door
+        self._events, self._hand = events, hand
         self._origin = time.monotonic()
         self.arm = SimulatedArm(
             description, settings, send, hand_script=hand_script, on_event=self.report
@@ -71,8 +71,8 @@ class RealTimeArm:
                 self.arm.skip(now - self._origin - PULSE_S)
                 self._report_lag(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
-        if self._door is not None:
-            self._door.serve(self.arm.hand.take)
+        if self._hand is not None:
+            self._hand.serve(self.arm.hand.take)
         self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
 
@@ -85,9 +85,9 @@ class RealTimeArm:
     def _report_lag(self, now: float, text: str) -> None:
         if now - self._reported_s > 1.0:
             self._reported_s = now
-            self.report(Happening(self.arm.now, "server", text))
+            self.report(SimulationEvent(self.arm.now, "server", text))
 
-    def report(self, event: Happening) -> None:
+    def report(self, event: SimulationEvent) -> None:
         """Write an event as a JSON line `{monotonic_s, simulated_s, kind, text}`."""
         if self._events is not None:
             line = {
@@ -138,10 +138,10 @@ class Server:
         port: int = 29536,
         hand_script: Sequence[AnyAct] = (),
         events: BinaryIO | None = None,
-        door: HandDoor | None = None,
+        hand: HandSocket | None = None,
     ) -> None:
         """Raises BusError if the port is not available; port 0 selects a free one, see `port`.
-        door: socket for requests to the hand."""
+        hand: socket for requests to the hand."""
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -159,13 +159,13 @@ class Server:
         self._selector.register(self._listener, selectors.EVENT_READ)
         try:
             self._real_time = RealTimeArm(
-                description, settings, self._broadcast, hand_script, events, door
+                description, settings, self._broadcast, hand_script, events, hand
             )
         except Exception:
             self.close()
             raise
         self.arm = self._real_time.arm
-        self._real_time.report(Happening(0.0, "server", f"listening on {host}:{self.port}"))
+        self._real_time.report(SimulationEvent(0.0, "server", f"listening on {host}:{self.port}"))
 
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set."""
@@ -252,7 +252,7 @@ def serve_on_bus(
     channel: str,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
-    door: HandDoor | None = None,
+    hand: HandSocket | None = None,
     stop: threading.Event | None = None,
 ) -> None:
     """Simulate the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; a lost bus is
@@ -261,7 +261,7 @@ def serve_on_bus(
     reports: list[str] = []
     bus_end = BusEnd(interface, channel, reports.append)
     try:
-        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events, door)
+        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events, hand)
         while not stop.is_set():
             message = bus_end.receive(PULSE_S)
             real_time.live()
@@ -270,7 +270,7 @@ def serve_on_bus(
                 real_time.arm.receive(message)
                 message = bus_end.receive(0.0)
             while reports:
-                real_time.report(Happening(real_time.arm.now, "server", reports.pop(0)))
+                real_time.report(SimulationEvent(real_time.arm.now, "server", reports.pop(0)))
     finally:
         bus_end.close()
 

@@ -12,7 +12,7 @@ from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.motion import Motion, MotionSettings
-from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.motion.path import Follower, PathPoint, Sinusoids
 from daemon.motion.release import ReleaseSettings
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
@@ -131,7 +131,7 @@ def ideal_arm(**changes: Any) -> IdealArm:
     walls = changes.pop("walls", None)
     parts = {name: changes.pop(name, part) for name, part in parts.items()}
     path = Sinusoids(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
-    motion = Motion(**parts, follower=Follower(Place(path), 1.0), walls=walls)
+    motion = Motion(**parts, follower=Follower(PathPoint(path), 1.0), walls=walls)
     return IdealArm(Controller(replace(TUNING, **changes), motion))
 
 

@@ -16,9 +16,9 @@ from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.protocol.state import State
 from daemon.service.status import context_of
-from programs.demo.demo_story import Story, touch_of
+from programs.demo.demo_story import RunFigures, touch_of
 from simulator.description import Mismatch, SimulationSettings
-from simulator.events import Happening
+from simulator.events import SimulationEvent
 from simulator.hand_script import Push, read_script
 
 BESIDE = tuple(variant for variant in VARIANTS if not variant.name.startswith("backlash"))
@@ -139,9 +139,9 @@ def least_at_rest(joint: Joint) -> float:
     return max(2.0 * contact, contact + 0.5 * stuck)
 
 
-def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
+def collaboration(conditions: Conditions) -> tuple[Recording, RunFigures]:
     """Fig. 13: the first joint in its sinusoid; a hand pushes, guides the arm and lets go."""
-    happenings: list[Happening] = []
+    happenings: list[SimulationEvent] = []
     hand = read_script(ROMEO / "third_experiment.yaml")
     with lockstep_rig(
         configure=with_rivals(), simulate=conditions, hand=hand, on_event=happenings.append
@@ -161,7 +161,7 @@ def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
     recording = with_kalman(recorder.recording())
-    return recording, Story(
+    return recording, RunFigures(
         recording.configuration, context_of(rig.robot), states, touch_of(lines, hand)
     )
 

@@ -11,7 +11,7 @@ from bench.paper.figure import STYLE, Made, canvas, finish, runs
 from bench.report import Target
 from bench.study.recording import Recording
 from daemon.modes.table import Mode
-from programs.demo.demo_story import Story
+from programs.demo.demo_story import RunFigures
 
 MODE_COLOURS = {Mode.TRACKING: "#e4eef7", Mode.ADMITTANCE: "#fde3c8"}
 TIMING = ("ticks", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment
@@ -24,7 +24,7 @@ def make(seed: int) -> Made:
     return Made(table, held_against(table), {"figure_13": picture(recording)})
 
 
-def numbers(recording: Recording, story: Story) -> dict[str, Any]:
+def numbers(recording: Recording, story: RunFigures) -> dict[str, Any]:
     """Times of the story, and how far the arm was led and drifted."""
     report = story.report(ended_well=True)
     led = recording.mode == Mode.ADMITTANCE

@@ -159,7 +159,7 @@ def runaway(on: BreakableArm) -> Iterator[None]:
 
         def act() -> None:
             if on.make.speech.runs(on.simulated):
-                laws.impede(joint, 0.0, 3.2, 0.0, 5.0, 0.0)
+                laws.set_impedance(joint, 0.0, 3.2, 0.0, 5.0, 0.0)
 
         on.simulated._act = act
         try:

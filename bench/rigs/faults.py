@@ -48,7 +48,7 @@ CASES = (
     Case("one PDO missing", _C.SAMPLE_MISSING, bus.one_pdo_missing, 1, frames=True),
     Case("a drive's PDOs missing", _C.STALE, bus.pdos_stale, 3, frames=True, by_sdo=True),
     Case("... on a late machine", _C.STARVED, bus.pdos_stale_on_a_late_machine, 3),
-    Case("... now and then on a late machine", _C.DEAF, bus.deaf_on_a_late_machine, 8),
+    Case("... now and then on a late machine", _C.NOT_SENSING, bus.deaf_on_a_late_machine, 8),
     Case("PDOs missing in turn", _C.SAMPLE_MISSING, bus.pdos_lost_in_turn, 1, frames=True),
     Case("PDOs missing in most ticks", _C.STALE, bus.pdos_lost_in_most_ticks, 27, frames=True),
     Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, drive.heartbeat_lost, 21, frames=True),

@@ -9,7 +9,7 @@ import can
 
 from drivers.can.wire import Frame, Wire
 
-PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
+TIMEOUT_S = 20.0  # with this machine: whatever is waited for so long is lost
 READ_SIZE = 65_536
 MARK = 0x7FF  # an identifier that is not used
 
@@ -26,7 +26,7 @@ class InterfaceEnd:
         self.to_daemon += 1
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        message = self._bus.recv(PATIENCE_S if self.to_drives else timeout)
+        message = self._bus.recv(TIMEOUT_S if self.to_drives else timeout)
         assert message or not self.to_drives, "the daemon's frames are lost on the line"
         self.to_drives = max(self.to_drives - 1, 0)
         return message
@@ -58,7 +58,7 @@ class TextEnd:
         while not self._heard:
             if self._port is None:
                 return None
-            wait = PATIENCE_S if self.to_drives else timeout
+            wait = TIMEOUT_S if self.to_drives else timeout
             if not select.select([self._port], [], [], wait)[0]:
                 assert not self.to_drives, "the daemon's frames are lost on the line"
                 return None
@@ -90,7 +90,7 @@ class PatientWire:
         """Read up to the other end's mark, and give back what came before; how many those are."""
         came: list[Frame] = []
         while True:
-            frame = self.receive(PATIENCE_S)
+            frame = self.receive(TIMEOUT_S)
             assert frame is not None, "the drives' mark is lost on the line"
             if frame[0] == MARK:
                 self._back.extend(came)
@@ -107,7 +107,7 @@ class AwaitedWire:
     def receive(self, timeout: float) -> Frame | None:
         frame = self._wire.receive(timeout)
         if frame is None and self._far.to_daemon:
-            frame = self._wire.receive(PATIENCE_S)
+            frame = self._wire.receive(TIMEOUT_S)
             assert frame is not None, "the drives' frames are lost on the line"
         if frame is not None:
             self._far.to_daemon = max(self._far.to_daemon - 1, 0)

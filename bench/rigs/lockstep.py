@@ -120,7 +120,7 @@ class Rig(Ticking):
     def take_up(self, robot: Robot) -> None:
         """End as the daemon does, and begin anew by another robot. Raises ContactdError."""
         with self.by_sdo(), suppress(DriveError):
-            self.drives.let_go()
+            self.drives.disable_monitoring()
         self.drives.end()
         self.before_s, self.ticks = self.before_s + self.time_s, 0
         self.drives, self.tick, self.arming = self.build(robot)
@@ -178,7 +178,7 @@ class Rig(Ticking):
         AssertionError unless the arm is off after it, and stays so."""
         assert self.tick.controller.faulted, self.mode
         for _ in range(100):
-            if self.drives.left_alone or not self.drives.unproved():
+            if self.drives.master_timeout_passed or not self.drives.unproved():
                 break
             self.run(0.01)
         reasons = self.ask(Event.RESET)

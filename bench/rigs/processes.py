@@ -15,7 +15,7 @@ from common.errors import ContactdError
 from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Pair:
     def subscribed(self, timeout_s: float = 2.0) -> tuple[Client, Snapshot, Iterator[State]]:
         """A connection that gets every State, once the daemon serves; it may be silent for
         `timeout_s`. Raises ContactdError."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while True:
             try:
                 client = Client(self.door, timeout_s)
@@ -71,7 +71,7 @@ def pair(robot: Path, hand: Path | None = None) -> Iterator[Pair]:
                     finally:
                         daemon.terminate()
                         try:
-                            daemon.wait(PATIENCE_S)
+                            daemon.wait(TIMEOUT_S)
                         except subprocess.TimeoutExpired:
                             daemon.kill()
             finally:
@@ -80,7 +80,7 @@ def pair(robot: Path, hand: Path | None = None) -> Iterator[Pair]:
 
 def _wait_for(events: Path, simulator: subprocess.Popen[bytes]) -> None:
     """Wait for its first line, which announces that it listens."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not events.stat().st_size:
         if simulator.poll() is not None or time.monotonic() > deadline:
             raise RuntimeError("the simulated arm does not start")

@@ -36,7 +36,7 @@ from programs.clients.client import Client
 from programs.contactctl import contactctl
 from programs.contactd import contactd
 
-_PATIENCE_S = 5.0
+_TIMEOUT_S = 5.0
 
 
 class PatientSocket(ControlSocket):
@@ -50,7 +50,7 @@ class PatientSocket(ControlSocket):
         for connection in self.readers:
             while unread(connection.socket) and time.monotonic() < patient_until:
                 time.sleep(1e-5)
-            select.select([], [connection.socket], [], _PATIENCE_S)
+            select.select([], [connection.socket], [], _TIMEOUT_S)
         super().publish(state)
 
 
@@ -63,7 +63,7 @@ class PatientConnection(Connection):
         super().__init__(path, max(timeout_s, ANSWERED_S))
 
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
-        """As usual, but for the patience."""
+        """As usual, but for the timeout."""
         PatientConnection.asked_s = time.monotonic()
         return super().exchange(request, max(timeout_s, ANSWERED_S))
 

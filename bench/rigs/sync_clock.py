@@ -124,7 +124,7 @@ class Lockstep:
 
 
 class AnsweredWire:
-    """The daemon's wire to an arm in lockstep, whose patience is the arm's, not a clock's: while it
+    """The daemon's wire to an arm in lockstep, whose time is the arm's, not a clock's: while it
     serves, what it has to answer is here before a wait is over."""
 
     def __init__(self, wire: Wire, lockstep: Lockstep) -> None:

@@ -16,7 +16,7 @@ from random import Random
 import msgspec
 import numpy as np
 
-from bench.rigs.processes import PATIENCE_S, Pair, pair
+from bench.rigs.processes import TIMEOUT_S, Pair, pair
 from bench.rigs.rude_clients import ATTACKS, attacking
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.onlooker import Onlooker
@@ -81,7 +81,7 @@ def run_real_time(seed: int, seconds: float, report: Report = lambda share: None
                 watch = Watch(c, part.ledger, gives_way(loaded))
                 offset_s = _observe(shared, states, watch, onlooker, seconds, report)
             both.daemon.terminate()
-            _look_back(shared, both.daemon.wait(PATIENCE_S))
+            _look_back(shared, both.daemon.wait(TIMEOUT_S))
             touches = onlooker.touches + shared.disturbed
             contacts_s = [t + offset_s for t in watch.contacts_s]
             part.counts["false alarms"] = false_alarms(contacts_s, touches)
@@ -119,7 +119,7 @@ def _inhabited(shared: Shared, rng: Random, c: Configuration) -> Iterator[None]:
     finally:
         shared.over.set()
         for thread in threads:
-            thread.join(PATIENCE_S)
+            thread.join(TIMEOUT_S)
 
 
 def _live(shared: Shared, person: Person) -> None:

@@ -8,7 +8,7 @@ from common.arrays import Vector
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
-from daemon.tick.controller import RESET_PATIENCE_S
+from daemon.tick.controller import RESET_TIMEOUT_S
 from daemon.tick.notices import STOP_PROVED
 from programs.contactd.travels import travels
 
@@ -19,8 +19,8 @@ STANDS = 0.05
 KNOCK_READINGS = 2
 PROVED_S = 1.0  # A stop must be proved, or the drives be left to themselves, within [s]
 LONGEST_TICK_S = 0.1  # However long a tick took, the drives had one chance to be seen [s]
-# After a reset nothing old comes back for [s]: a drive has RESET_PATIENCE_S to leave its fault.
-RESET_HOLDS_S = RESET_PATIENCE_S + 0.1
+# After a reset nothing old comes back for [s]: a drive has RESET_TIMEOUT_S to leave its fault.
+RESET_HOLDS_S = RESET_TIMEOUT_S + 0.1
 HAND_S = 1.0  # Arm and drives still give way so long after a hand is off [s]
 
 RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"  # Notice of a reset

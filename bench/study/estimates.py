@@ -67,8 +67,5 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
         residuals[KALMAN] = kalman(belief, K, estimator.period_s)
     return Estimates(
-        residuals=residuals,
-        threshold=rows.threshold,
-        side=rows.side,
-        delay_s=estimator.delay_s,
+        residuals=residuals, threshold=rows.threshold, side=rows.side, delay_s=estimator.delay_s
     )

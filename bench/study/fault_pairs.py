@@ -109,7 +109,7 @@ class Judge:
             servo = on.rig.arm.servo
             energised, speed = servo.energised(joint), self._speed(joint)
             obey()
-            reported_first = on.rig.drives.stopped_in_vain(joint)
+            reported_first = on.rig.drives.stop_failed(joint)
             if energised and not servo.energised(joint) and speed >= MOVES and not reported_first:
                 self.verdict.cut.append(f"{self._name(joint)} at {speed:.2f} rad/s")
 

@@ -18,7 +18,7 @@ from bench.soak.process import held
 from bench.study.loop_session import FIGURES, Session
 from bench.study.wakeups import Cyclictest, Distribution, a_rival
 from daemon.modes.table import Mode
-from daemon.tick.loop import deadlines_left_out
+from daemon.tick.loop import skipped_deadlines
 
 TURN_S: Final = 5  # a stall of the machine invalidates one turn
 SETTLING_S: Final = 2  # enabled, started, and in steady motion
@@ -85,7 +85,7 @@ class Run:
         if self.rival_us is None:
             return 0.0
         late = zip(self.rival_us.values.tolist(), self.rival_us.counts.tolist(), strict=True)
-        cost = sum(count * deadlines_left_out(us * 1e-6 * self.hz) for us, count in late)
+        cost = sum(count * skipped_deadlines(us * 1e-6 * self.hz) for us, count in late)
         return float(cost / self.rival_threads)
 
     @property

@@ -14,7 +14,7 @@ from daemon.assembly import build_motion
 from daemon.config.load import Robot
 from daemon.config.vectors import limits_of
 from daemon.modes.table import Mode
-from daemon.motion.path import Place
+from daemon.motion.path import PathPoint
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import STALLED_S
 
@@ -114,7 +114,7 @@ def beyond_limits(robot: Robot, seed: int, seconds: float = 2.0) -> int:
     rng = np.random.default_rng((seed, 47))
     q: Vector = limits.lower + (limits.upper - limits.lower) * rng.random(len(c.joints))
     stream = stream_of(robot, Target(0, 0.0, q))
-    motion.follower.place = Place(stream)
+    motion.follower.place = PathPoint(stream)
     motion.follow(q)
     targets, beyond, push = wild(robot, seed), 0, np.zeros_like(q)
     for _ in range(round(seconds / period_s)):

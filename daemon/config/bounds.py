@@ -24,7 +24,7 @@ GRAVITY = 9.81  # [m/s2]
 
 NEAR = 0.7
 """Share of a bound above which a value gives a warning; all arms in `configs/` stay below."""
-FELT = 0.5
+MOST = 0.5
 """Largest share of the motor's largest torque for the contact level of a moving joint, for
 friction, or for accelerating the rotor. Half is reserved for the contact itself: beyond, the motor
 saturates before the contact is detected."""
@@ -32,7 +32,7 @@ LEAST = 0.001
 """Smallest contact level, as a share of the motor's largest torque."""
 HEAVIEST = 30.0
 """Largest mass of one moving link, of three or more, over that of all others together."""
-STRONGEST_BLOW = 3.0
+LARGEST_COLLISION = 3.0
 """Largest collision level over the motor's largest torque: the gears withstand no more."""
 TOO_HEAVY = 2.0
 """Largest load over the motor's largest torque: a motor could not hold even half of that."""
@@ -157,23 +157,23 @@ def _motor(i: int, joint: Joint, weight: float) -> Iterator[Bounded]:
 def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bounded]:
     levels, friction, settings = joint.thresholds, joint.friction, c.estimator
     of = _of(motor)
-    high = FELT * motor
+    high = MOST * motor
     yield Bounded(
         *at(i, joint, "thresholds", "contact"),
         levels.contact,
         high,
         "Nm",
-        f"{LEAST:g} to {FELT:g} of {of}: above, it pushes with nearly its full torque before a "
+        f"{LEAST:g} to {MOST:g} of {of}: above, it pushes with nearly its full torque before a "
         "contact is detected; below, noise of its current is detected as a contact",
         LEAST * motor,
     )
     most = max(0.0, high - levels.contact) / joint.limits.velocity
     both = f"with which the contact level at limits.velocity is {high:.4g} Nm"
-    why = f"{both}, {FELT:g} of {of}"
+    why = f"{both}, {MOST:g} of {of}"
     yield Bounded(*at(i, joint, "thresholds", "per_speed"), levels.per_speed, most, "Nm s/rad", why)
-    blow = STRONGEST_BLOW * motor
-    why = f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands"
-    yield Bounded(*at(i, joint, "thresholds", "collision"), levels.collision, blow, "Nm", why)
+    highest = LARGEST_COLLISION * motor
+    why = f"{LARGEST_COLLISION:g} times {of}: more than the gear of such a motor withstands"
+    yield Bounded(*at(i, joint, "thresholds", "collision"), levels.collision, highest, "Nm", why)
     share = settings.stiction_share + stiction_range(friction.stiction)[1]
     coulomb = friction.motor_coulomb + friction.link_coulomb
     unsure = settings.unknown_side_share if joint.half_gap > 0 else 0.0
@@ -189,28 +189,28 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
 
 
 def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
-    limits, friction, of, high = joint.limits, joint.friction, _of(motor), FELT * motor
+    limits, friction, of, high = joint.limits, joint.friction, _of(motor), MOST * motor
     span = limits.upper - limits.lower
     most = min(0.5 * OF_RANGE * span, WIDEST_HALF_GAP)
     falls = f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad"
     why = f"{falls}, and never more than {WIDEST_HALF_GAP:g} rad"
     yield Bounded(*at(i, joint, "half_gap"), joint.half_gap, most, "rad", why)
-    takes = f"with which friction at limits.velocity takes {FELT:g} of {of}"
+    takes = f"with which friction at limits.velocity takes {MOST:g} of {of}"
     for kind, most, unit, why in (
-        ("coulomb", high, "Nm", f"{FELT:g} of {of}: little would be left to move the joint"),
+        ("coulomb", high, "Nm", f"{MOST:g} of {of}: little would be left to move the joint"),
         ("viscous", high / limits.velocity, "Nm s/rad", takes),
     ):
         for name in (f"motor_{kind}", f"link_{kind}", f"gap_{kind}"):
             value = getattr(friction, name)
             yield Bounded(*at(i, joint, "friction", name), value, most, unit, why)
-    why = f"with which the rotor takes {FELT:g} of {of} at limits.acceleration"
+    why = f"with which the rotor takes {MOST:g} of {of} at limits.acceleration"
     most = high / limits.acceleration
     yield Bounded(*at(i, joint, "rotor_inertia"), joint.rotor_inertia, most, "kg m2", why)
     spring, bends = joint.gap_spring, f"with which {of} bends the gear by {BENDING:g} rad"
     why = f"{bends}: the correction would be all of that torque"
     most = motor / BENDING
     yield Bounded(*at(i, joint, "gap_spring", "stiffness"), spring.stiffness, most, "Nm/rad", why)
-    why = f"with which the correction at limits.velocity is {FELT:g} of {of}"
+    why = f"with which the correction at limits.velocity is {MOST:g} of {of}"
     most = high / limits.velocity
     yield Bounded(*at(i, joint, "gap_spring", "damping"), spring.damping, most, "Nm s/rad", why)
 

@@ -16,7 +16,7 @@ from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.trajectories import trajectory_checks
 from daemon.config.vectors import guide_of
-from daemon.config.worst_loads import Carrying
+from daemon.config.worst_loads import PayloadCapacity
 from daemon.motion.guidance import guide_place
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.settings import CanopenProfile
@@ -279,7 +279,7 @@ def _suggestion(limits: JointLimits, lower: float, upper: float) -> str:
 def _payloads(c: Configuration, model: Model) -> Iterator[Problem]:
     if not c.payloads:
         return
-    carrying = Carrying(c, model)
+    capacity = PayloadCapacity(c, model)
     for name, entry in c.payloads.items():
         keys: list[str | int] = ["payloads", name]
         where = f"payloads.{name}"
@@ -287,7 +287,7 @@ def _payloads(c: Configuration, model: Model) -> Iterator[Problem]:
             text = "`contactctl payload` gives this name another meaning: choose another name"
             yield Problem(keys, where, text)
         com = model.tool_place.tolist() if entry.com is None else entry.com
-        for reason in carrying.too_heavy(Payload.of(entry.mass, com)):
+        for reason in capacity.too_heavy(Payload.of(entry.mass, com)):
             yield Problem([*keys, "mass"], f"{where}.mass", reason)
 
 

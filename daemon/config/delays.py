@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from daemon.config.problem import Problem
 from daemon.config.schema import Configuration
-from daemon.faults.detector import patience_deaf
+from daemon.faults.detector import tolerated_ticks
 from estimator.estimate import SENSED_PERIODS
 
 LONGEST_TIMEOUT_MS = 500
@@ -33,7 +33,7 @@ def delays(c: Configuration) -> Iterator[Problem]:
                 "this long, at up to limits.velocity; 100 is usual, and up to "
                 f"{LONGEST_TIMEOUT_MS} gives no warning",
             )
-    seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
+    seconds = (SENSED_PERIODS + tolerated_ticks(c.period_s)) * c.period_s
     if seconds > LATEST_S:
         yield Problem(
             ["period_ms"],

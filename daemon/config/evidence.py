@@ -6,8 +6,8 @@ or if a required parameter is missing.
 
 from typing import get_args
 
+from daemon.config.digests import digests, digests_of, fingerprint
 from daemon.config.identified import ENTRIES, Entry, Identified, used_entries
-from daemon.config.marks import fingerprint, marks, marks_of
 from daemon.config.schema import ArmingStep, Configuration
 from daemon.protocol.text import printable
 
@@ -79,7 +79,7 @@ def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf:
     return (
         oldest
         if not entry.of
-        else entry.of in (marks_of(c, urdf, name)[part], marks(c, urdf)[part])
+        else entry.of in (digests_of(c, urdf, name)[part], digests(c, urdf)[part])
     )
 
 

@@ -15,7 +15,7 @@ import yaml
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from daemon.config.marks import Dependence
+from daemon.config.digests import Dependence
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, PayloadEntry
 from drivers.settings import RAD, Name, Settings, Sign
@@ -36,7 +36,7 @@ class Entry(Settings, frozen=True, kw_only=True):
 
     date: str
     log: str  # sha256 of the measurements
-    of: str = ""  # mark of its dependencies; empty in files that have one for all
+    of: str = ""  # digest of its dependencies; empty in files that have one for all
 
     def applied(self, joint: Joint) -> Joint:
         """Joint whose values are replaced by those of the same names in this entry."""
@@ -198,12 +198,12 @@ class Identified(Settings, frozen=True):
     """Content of the file."""
 
     version: Literal[1] = 1
-    configuration: str = ""  # `fingerprint`, for entries without a mark of their own
+    configuration: str = ""  # `fingerprint`, for entries without a digest of their own
     joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
     payloads: dict[Name, IdentifiedPayload] = msgspec.field(default_factory=dict)
 
 
-def samples_alike(a: Configuration, b: Configuration) -> bool:
+def same_samples(a: Configuration, b: Configuration) -> bool:
     """True if samples have the same meaning with both: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
@@ -212,7 +212,7 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
     return about(a) == about(b)
 
 
-def residuals_alike(a: Configuration, b: Configuration) -> bool:
+def same_residuals(a: Configuration, b: Configuration) -> bool:
     """True if residuals have the same meaning with both: the estimator and its parameters of the
     joints are equal, too."""
 
@@ -223,7 +223,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
         ]
         return c.estimator, joints
 
-    return samples_alike(a, b) and about(a) == about(b)
+    return same_samples(a, b) and about(a) == about(b)
 
 
 def applied(c: Configuration, found: Identified) -> Configuration:

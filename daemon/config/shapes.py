@@ -40,7 +40,7 @@ HEAD: Final = (
 )
 
 Number = Annotated[float, Meta(ge=-100, le=100)]
-Place = tuple[Number, Number, Number]
+Vector3 = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
 Angle = Annotated[float, Meta(ge=-7, le=7, extra=RAD)]  # a full turn; more is likely in degrees
 
@@ -54,8 +54,8 @@ class CapsuleEntry(_Part, frozen=True):
     """Capsule: all points within a radius of the segment from start to end. Capsules with the same
     name and joint are parts of one link."""
 
-    start: Place
-    end: Place
+    start: Vector3
+    end: Vector3
     radius: Radius
     edged: bool = False  # against planes its link's corners are used instead
 
@@ -63,7 +63,7 @@ class CapsuleEntry(_Part, frozen=True):
 class CornersEntry(_Part, frozen=True):
     """Corners of an edged link, used against planes, as its capsules are wider than the link."""
 
-    points: Annotated[list[Place], Meta(min_length=1, max_length=MOST_CORNERS)]
+    points: Annotated[list[Vector3], Meta(min_length=1, max_length=MOST_CORNERS)]
 
 
 class LeftOut(Settings, frozen=True):
@@ -89,14 +89,14 @@ class Shapes(Settings, frozen=True):
 class PlaneEntry(Settings, frozen=True):
     """Plane through a point; the side to which the normal points is free."""
 
-    point: Place
-    normal: Place
+    point: Vector3
+    normal: Vector3
 
 
 class BoxEntry(Settings, frozen=True):
     """Box about its centre, turned by roll, pitch and yaw as in a URDF."""
 
-    centre: Place
+    centre: Vector3
     size: tuple[Radius, Radius, Radius]
     rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
 

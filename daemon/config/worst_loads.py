@@ -43,7 +43,7 @@ def worst_loads(c: Configuration, model: Model) -> list[Load]:
     ]
 
 
-class Carrying:
+class PayloadCapacity:
     """Payload capacity of an arm: gravity at its joints in many poses, with or without a payload,
     against the largest torques of its motors."""
 

@@ -35,7 +35,7 @@ class Condition(StrEnum):
 
     SAMPLE_MISSING = "sample missing"
     STALE = "samples stale"
-    DEAF = "not sensing contact"
+    NOT_SENSING = "not sensing contact"
     STARVED = "samples late with the machine"
     OLD = "samples a period old"
     HEARTBEAT_LOST = "heartbeat lost"

@@ -40,16 +40,16 @@ LEAK = 0.5
 
 
 # Largest number and duration of ticks with a joint that does not sense, until the arm holds.
-DEAF_TICKS, DEAF_S = 5, 0.06
+NOT_SENSING_TICKS, NOT_SENSING_S = 5, 0.06
 # The same for ticks in which all answers are late. Lateness is relative to a median, which is
 # meaningless if late and prompt answers are equally frequent.
 LATE_TICKS = 100
 
 
-def patience_deaf(period_s: float) -> int:
+def tolerated_ticks(period_s: float) -> int:
     """Ticks for which an arm with this period may continue with a joint that does not sense, at
     least one. A joint counts as such only after `SENSED_PERIODS`."""
-    return min(max(int(DEAF_S / period_s + 1e-9), 1), DEAF_TICKS)
+    return min(max(int(NOT_SENSING_S / period_s + 1e-9), 1), NOT_SENSING_TICKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class DetectorSettings:
     stale_ticks: int
     overrun_ticks: int
     # Ticks with a joint that does not sense, less half of the other ticks, until the arm holds.
-    deaf_ticks: int = DEAF_TICKS
+    not_sensing_ticks: int = NOT_SENSING_TICKS
 
 
 class FaultDetector:
@@ -81,7 +81,7 @@ class FaultDetector:
         self._ignored = ignored
         # Counts of bad ticks, which good ticks decrement:
         self._missed = 0.0  # missed deadlines
-        self._deaf = 0.0  # ticks in which some joint did not sense
+        self._not_sensing = 0.0  # ticks in which some joint did not sense
         self._late, self._too_late = 0.0, False  # ticks with late answers; latched until 0
         self._disturbed = 0.0  # ticks with a disturbance
         self._since_late = settings.stale_ticks  # ticks since a late one
@@ -125,7 +125,7 @@ class FaultDetector:
             self._ignored.restart()
             self._supply.restart()
             self._missing[:] = 0
-            self._deaf, self._late, self._too_late = 0.0, 0.0, False
+            self._not_sensing, self._late, self._too_late = 0.0, 0.0, False
         self._mode = mode
         if mode not in SENSING:
             self._following.restart()
@@ -140,13 +140,13 @@ class FaultDetector:
         late = False
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
-            late = bool(samples.came.any()) and not samples.fresh.any()
+            late = bool(samples.arrived.any()) and not samples.fresh.any()
         elif any(self._missing.tolist()):
             np.maximum(self._missing - 1, 0, out=self._missing)
         found += self._of_lateness(late=late)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
-        self._supply.step(samples.drives, samples.came)
+        self._supply.step(samples.drives, samples.arrived)
         if samples.drives is not self._drives:
             self._drives = samples.drives
             self._operating = all(map(_operates, samples.drives))
@@ -163,9 +163,9 @@ class FaultDetector:
     def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
         # Disturbances may be transient: they become a fault only after some ticks.
         disturbances = [event for event in events if event.kind is Kind.DISTURBED]
-        patience = self._settings.stale_ticks
+        allowed = self._settings.stale_ticks
         if disturbances:
-            self._disturbed = min(self._disturbed + 1.0, patience)
+            self._disturbed = min(self._disturbed + 1.0, allowed)
         else:
             self._disturbed = max(self._disturbed - LEAK, 0.0)
         for event in events:
@@ -177,7 +177,7 @@ class FaultDetector:
             if event.kind is not Kind.LOADED and (condition := CONDITION_OF.get(event.kind)):
                 yield self._found(condition, event.text)
         if disturbances:
-            lasts = self._disturbed >= patience
+            lasts = self._disturbed >= allowed
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
             yield self._found(condition, disturbances[0].text)
 
@@ -209,19 +209,21 @@ class FaultDetector:
         self._late = min(self._late + 1.0, LATE_TICKS) if late else max(self._late - LEAK, 0.0)
         self._too_late = self._late > 0.0 and (self._too_late or self._late >= LATE_TICKS)
         if self._too_late and self._mode in SENSING:
-            yield Finding(Condition.DEAF, "all answers, late in more than a third of the ticks")
+            yield Finding(
+                Condition.NOT_SENSING, "all answers, late in more than a third of the ticks"
+            )
 
     def _of_sensing(self, sensing: NDArray[np.bool_], settled: bool) -> Iterator[Finding]:
         if self._mode not in SENSING:
-            self._deaf = 0.0
+            self._not_sensing = 0.0
         elif all(sensing.tolist()):
             # A residual that keeps restarting is as useless as an old one.
-            self._deaf = max(self._deaf - LEAK * settled, 0.0)
+            self._not_sensing = max(self._not_sensing - LEAK * settled, 0.0)
         else:
-            most = self._settings.deaf_ticks
-            self._deaf = min(self._deaf + 1.0, most)
-            if self._deaf >= most:
-                yield Finding(Condition.DEAF, self._named(~sensing))
+            most = self._settings.not_sensing_ticks
+            self._not_sensing = min(self._not_sensing + 1.0, most)
+            if self._not_sensing >= most:
+                yield Finding(Condition.NOT_SENSING, self._named(~sensing))
 
     def _named(self, joints: NDArray[np.bool_]) -> str:
         return ", ".join(self._names[i] for i in np.flatnonzero(joints))

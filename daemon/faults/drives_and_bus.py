@@ -24,7 +24,7 @@ DRIVES_AND_BUS: Final = {
         "the joint's state is unknown, and its drive may receive nothing",
         "check supply and CAN cable of the named drive, then `contactctl reset`",
     ),
-    _C.DEAF: Row(
+    _C.NOT_SENSING: Row(
         _R.HOLD, "estimator",
         "a joint does not sense for 5 ticks; each tick in which all sense subtracts half a tick. "
         "It has had no samples for more than 2.5 periods, or its residual restarts. Or all "

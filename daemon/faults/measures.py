@@ -138,11 +138,11 @@ class Measures:
 
     def _follow_motion(self, i: int, advance: float, same: bool, residual: float) -> None:
         """Measures that are valid only while the drives have power."""
-        came = 1.0 if self.dt[i] > 0.0 else 0.0
+        arrived = 1.0 if self.dt[i] > 0.0 else 0.0
         full, fast = abs(self.current[i]) >= self._full[i], abs(self.velocity[i]) >= self._speed[i]
-        self.full_ticks[i] = self.full_ticks[i] + came if full else 0.0
-        self.fast_ticks[i] = self.fast_ticks[i] + came if fast else 0.0
-        self.same_ticks[i] = self.same_ticks[i] + came if same else 0.0
+        self.full_ticks[i] = self.full_ticks[i] + arrived if full else 0.0
+        self.fast_ticks[i] = self.fast_ticks[i] + arrived if fast else 0.0
+        self.same_ticks[i] = self.same_ticks[i] + arrived if same else 0.0
         self.bounds[JUMP, i] = self._speed[i] * self.dt[i] + self._play[i]
         self.measures[JUMP, i] = abs(self.q[i] - self.q_before[i] - advance)
         self.measures[OVERSPEED, i] = self.fast_ticks[i]

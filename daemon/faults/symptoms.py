@@ -24,7 +24,7 @@ SECTION_OF: Final[dict[Condition, str]] = {
     _C.ERROR_PASSIVE: "a-drive-falls-silent",
     _C.BUS_OFF: "a-drive-falls-silent",
     _C.ADAPTER_GONE: "a-drive-falls-silent",
-    _C.DEAF: "it-does-not-feel-me",
+    _C.NOT_SENSING: "it-does-not-feel-me",
     _C.TORQUE_STUCK: "it-does-not-feel-me",
     _C.STARVED: "it-is-late",
     _C.LATE: "it-is-late",

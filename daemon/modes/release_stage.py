@@ -14,7 +14,7 @@ class ReleaseStage(StrEnum):
     """Stage of the release of the present contact."""
 
     NONE = "none"  # no contact, or none that was released
-    LET_GO = "let go"  # the contact was released, and the arm is stopping
+    CONTACT_ENDED = "let go"  # the contact was released, and the arm is stopping
     RELEASED = "released"  # as far as allowed; not again while the contact lasts
     # Ended only because sensing was not reliable: the contact still counts as a collision, down to
     # the contact level, and may be released again.
@@ -24,7 +24,7 @@ class ReleaseStage(StrEnum):
 class Ending(StrEnum):
     """Reason for the end of a release."""
 
-    LET_GO = "let go"
+    CONTACT_ENDED = "let go"
     BOUND = "at a bound, and still pressed"
     TIME = "still pressed after its time"
     ELSEWHERE = "pressed from elsewhere"
@@ -32,11 +32,11 @@ class Ending(StrEnum):
 
 
 # Stages after a release, in which the contact may last.
-LEFT = frozenset({ReleaseStage.LET_GO, ReleaseStage.RELEASED, ReleaseStage.UNFINISHED})
+LEFT = frozenset({ReleaseStage.CONTACT_ENDED, ReleaseStage.RELEASED, ReleaseStage.UNFINISHED})
 
 # Stage after a release, by the event and the reason that ended it; else RELEASED.
 _AFTER: dict[tuple[Event, Ending | None], ReleaseStage] = {
-    (Event.HALT, Ending.LET_GO): ReleaseStage.LET_GO,
+    (Event.HALT, Ending.CONTACT_ENDED): ReleaseStage.CONTACT_ENDED,
     (Event.HALT, Ending.UNSURE): ReleaseStage.UNFINISHED,
 }
 
@@ -50,4 +50,4 @@ def after_release(event: Event, end: Ending | None) -> ReleaseStage:
 
 def after_change(stage: ReleaseStage) -> ReleaseStage:
     """Stage after any other change of the mode."""
-    return ReleaseStage.RELEASED if stage is ReleaseStage.LET_GO else stage
+    return ReleaseStage.RELEASED if stage is ReleaseStage.CONTACT_ENDED else stage

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.arrays import Vector
-from daemon.motion.path import Place
+from daemon.motion.path import PathPoint
 
 _FASTER = 1.1  # ratio to the speed covered, above which a warning is given
 _FURTHER = 0.1  # [rad] outside the covered range, above which a warning is given
@@ -24,7 +24,7 @@ class CoveredRange:
     lower: Vector
     upper: Vector
 
-    def beyond(self, joints: Sequence[str], q: Vector, place: Place) -> list[str]:
+    def beyond(self, joints: Sequence[str], q: Vector, place: PathPoint) -> list[str]:
         """Warnings for each joint that the rest of the path, anchored at q (n,) [rad], moves faster
         or further than its levels cover."""
         low, high = place.path.extent(place.s)

@@ -69,7 +69,7 @@ class Motion:
         self.guidance = Guidance(self.model, law.velocity, manner.position_gain)
         self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
-        self.giving_way = Release(manner.release, limits)
+        self.release_motion = Release(manner.release, limits)
         self._loose = False  # retracts without a push: stands without a position loop
         self._go(self.reference, self.reference, 1.0)
 
@@ -106,7 +106,7 @@ class Motion:
     def release(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
         """Release a contact, from q [rad], in the direction of the thresholded residual [Nm]."""
         self.hold(q)
-        self.giving_way.begin(q, thresholded, residual)
+        self.release_motion.begin(q, thresholded, residual)
 
     def yield_to(self, thresholded: Vector, motor_velocity: Vector) -> None:
         """Remove setpoints against the thresholded residual [Nm], when the arm begins to yield.
@@ -125,7 +125,7 @@ class Motion:
 
     def can_release(self, q: Vector, thresholded: Vector) -> bool:
         """True if the arm can release: links are trusted, and a pressed joint has room."""
-        return not self.blind and self.giving_way.possible(q, thresholded)
+        return not self.blind and self.release_motion.possible(q, thresholded)
 
     def go_back(self, q: Vector, home: Vector) -> None:
         """Go slowly from q to `home` [rad]."""
@@ -161,7 +161,7 @@ class Motion:
 
     def opposed(self, thresholded: Vector) -> bool:
         """True if the thresholded residual (n,) [Nm] pushes against the line."""
-        return self.under_way and float(self._line.way @ thresholded) < 0.0
+        return self.under_way and float(self._line.displacement @ thresholded) < 0.0
 
     # --- one tick ------------------------------------------------------------------------------
 
@@ -237,7 +237,9 @@ class Motion:
                 # Joints without contact are held by their drives alone: a loop might pull them
                 # back.
                 self.hold(q)
-                return self.giving_way.velocity(q) if mode is Mode.RELEASING else np.zeros_like(q)
+                return (
+                    self.release_motion.velocity(q) if mode is Mode.RELEASING else np.zeros_like(q)
+                )
             case Mode.TRACKING:
                 stream = self.stream
                 wanted = (

@@ -41,7 +41,7 @@ class JointPath(Protocol):
         """True if a contact halts the arm on this path when there is no other reaction, that is
         while it is not armed."""
 
-    def led_to(self, q: Vector) -> "JointPath":
+    def continued_from(self, q: Vector) -> "JointPath":
         """Path that continues from q (n,) [rad], to which the arm was led: itself if it consists of
         displacements; a new one from there if it leads to a pose."""
 
@@ -70,7 +70,7 @@ class Sinusoids:
     motors_only: bool = False
     halts_at_contact: bool = False
 
-    def led_to(self, q: Vector) -> "Sinusoids":
+    def continued_from(self, q: Vector) -> "Sinusoids":
         """Itself: it swings around any pose."""
         del q
         return self
@@ -116,21 +116,21 @@ def stands(path: JointPath) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Place on a path, from which a Follower can run it."""
+class PathPoint:
+    """Point of a path, from which a Follower can run it."""
 
     path: JointPath
     s: float = 0.0
 
-    def led_to(self, q: Vector) -> "Place":
-        """Place at which the path continues from q (n,) [rad]."""
-        path = self.path.led_to(q)
-        return self if path is self.path else Place(path)
+    def continued_from(self, q: Vector) -> "PathPoint":
+        """Point at which the path continues from q (n,) [rad]."""
+        path = self.path.continued_from(q)
+        return self if path is self.path else PathPoint(path)
 
     def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
         """Mask (n,) of joints whose path from here on, continued from q, leaves [lower, upper]; a
         joint that holds does not."""
-        first, last = self.led_to(q).room(lower, upper)
+        first, last = self.continued_from(q).room(lower, upper)
         return (q < first - ROUNDING) | (q > last + ROUNDING)
 
     def room(self, lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
@@ -146,13 +146,13 @@ class Place:
         """Pose (n,) [rad] nearest to q from which the path from here on stays within [lower,
         upper] with a margin of `inside` [rad], or centred if there is less room; NaN for a joint
         whose path fits nowhere."""
-        first, last = self.led_to(q).room(lower, upper)
+        first, last = self.continued_from(q).room(lower, upper)
         room = last - first
         margin = np.minimum(inside, 0.5 * room)
         nearest = np.minimum(np.maximum(q, first + margin), last - margin)
         return np.where(room < 0.0, np.nan, nearest)
 
-    def astray(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
+    def off_start(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
         """Mask (n,) of joints further than `tolerance` [rad] from the pose where the path begins;
         all false if it continues from a later place."""
         begin = self.path.begin
@@ -163,9 +163,9 @@ class Place:
 
 @dataclass(slots=True)
 class Follower:
-    """Follower of one path: its place, its rate, and the origin that the path is anchored to."""
+    """Follower of one path: its point, its rate, and the origin that the path is anchored to."""
 
-    place: Place
+    place: PathPoint
     ramp_s: float
     _rate: float = 0.0  # ds/dt: 0 at standstill, 1 at full speed
     _origin: Vector = field(default_factory=lambda: np.zeros(0))
@@ -179,7 +179,7 @@ class Follower:
         """Anchor the path at q (n,) [rad] for the present path time, at standstill; a path that
         leads to a pose begins there."""
         self._rate = 0.0
-        self.place = self.place.led_to(q)
+        self.place = self.place.continued_from(q)
         self._origin = q - self.place.path.offset(self.place.s)
 
     def step(self, dt: float) -> Reference:
@@ -193,7 +193,7 @@ class Follower:
         s += 0.5 * (self._rate + rate) * dt
         if path.duration - s < LEFT_S:
             s = path.duration
-        self._rate, self.place = rate, Place(path, s)
+        self._rate, self.place = rate, PathPoint(path, s)
         return Reference(self._origin + path.offset(s), path.slope(s) * rate)
 
 

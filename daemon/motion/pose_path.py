@@ -38,37 +38,37 @@ class PosePath:
         return cls(name, start, goal, np.minimum(speed, slowest))
 
     @property
-    def way(self) -> Vector:
+    def displacement(self) -> Vector:
         """Signed distance of each joint (n,) [rad]."""
         return self.goal - self.start
 
     @property
     def duration(self) -> float:
         """Path time at its end [s]."""
-        return float(np.max(np.abs(self.way) / self.speed))
+        return float(np.max(np.abs(self.displacement) / self.speed))
 
     def offset(self, s: float) -> Vector:
         """Displacement from the start [rad] at path time s [s]."""
         duration = self.duration
-        return self.way * (min(s / duration, 1.0) if duration else 1.0)
+        return self.displacement * (min(s / duration, 1.0) if duration else 1.0)
 
     def slope(self, s: float) -> Vector:
         """d offset / d s [rad/s]; constant along the path."""
         del s
         duration = self.duration
-        return self.way / duration if duration else np.zeros_like(self.way)
+        return self.displacement / duration if duration else np.zeros_like(self.displacement)
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
         """Offset of the goal [rad], as lowest and highest: from slightly outside the limits, the
         path leads inwards."""
         del s
-        return self.way, self.way
+        return self.displacement, self.displacement
 
     def fastest(self, s: float) -> Vector:
         """Largest speed [rad/s]."""
         return np.abs(self.slope(s))
 
-    def led_to(self, q: Vector) -> "PosePath":
+    def continued_from(self, q: Vector) -> "PosePath":
         """Path from q (n,) [rad] to the same goal."""
         return PosePath(self.name, q.copy(), self.goal, self.speed)
 

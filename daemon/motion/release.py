@@ -101,7 +101,9 @@ class Release:
             self.end = Ending.ELSEWHERE
         elif not self._moving.any():
             bounded = bool(np.any(thresholded * self._pushed > 0.0))
-            self.end = Ending.BOUND if bounded else Ending.ELSEWHERE if against else Ending.LET_GO
+            self.end = (
+                Ending.BOUND if bounded else Ending.ELSEWHERE if against else Ending.CONTACT_ENDED
+            )
         elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
             self.end = Ending.TIME
 
@@ -118,7 +120,7 @@ class Release:
 
         gave = f"after giving way by {np.abs(q - self._begun)[self._pushed != 0.0].max():.2f} rad"
         match self.end:
-            case Ending.LET_GO:
+            case Ending.CONTACT_ENDED:
                 pushed = np.flatnonzero(self._pushed).tolist()
                 ended = (f"{joints[i]} ({self._residual[i]:+.1f} Nm)" for i in pushed)
                 return f"let go of contact at {', '.join(ended)}"

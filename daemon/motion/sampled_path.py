@@ -63,7 +63,7 @@ class SampledPath:
         fast = np.array([block.fast for block in blocks])
         self._fast = np.maximum.accumulate(fast[::-1])[::-1]
 
-    def led_to(self, q: Vector) -> "SampledPath":
+    def continued_from(self, q: Vector) -> "SampledPath":
         """Itself: its displacements continue from any pose."""
         del q
         return self

@@ -232,7 +232,7 @@ class TargetStream:
 
     # --- as a JointPath -------------------------------------------------------------------------
 
-    def led_to(self, q: Vector) -> "TargetStream":
+    def continued_from(self, q: Vector) -> "TargetStream":
         """Itself: it continues from any pose."""
         del q
         return self

@@ -44,7 +44,7 @@ class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
     tool_resting: ToolForce
 
 
-class Way(msgspec.Struct, frozen=True, kw_only=True):
+class PlannedPath(msgspec.Struct, frozen=True, kw_only=True):
     """Path to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
@@ -71,7 +71,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     # of a successful `start` or `go`, and of a plan: motion that the thresholds do not cover, or
     # that ends nearer to a limit than a joint may get
     warnings: list[str] = []
-    way: Way | None = None  # of a successful or planned `go`
+    way: PlannedPath | None = None  # of a successful or planned `go`
     stream: StreamState | None = None  # of `follow` and `target`
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None

@@ -122,7 +122,7 @@ class Answers:
         for stop, outdated in OUTDATED_BY.items():
             if request.command in outdated and after < self._stopped_at[stop]:
                 return f"a {stop} overtook it"
-        if has_hung_up(connection.socket):
+        if peer_closed(connection.socket):
             return "the client has hung up"
         return ""
 
@@ -152,7 +152,7 @@ class _Named(msgspec.Struct):
     command: Command
 
 
-def has_hung_up(connected: socket.socket) -> bool:
+def peer_closed(connected: socket.socket) -> bool:
     """True if the other end has closed the connection."""
     looked = select.poll()
     looked.register(connected, 0)

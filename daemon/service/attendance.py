@@ -29,7 +29,7 @@ class Attendance:
         """Set the connection that watches the motion just begun; 0 for none."""
         self._connection, self._heard_s = connection, time_s
 
-    def heard(self, connection: int, time_s: float) -> None:
+    def record_request(self, connection: int, time_s: float) -> None:
         """Record a request of a connection."""
         if connection == self._connection:
             self._heard_s = time_s

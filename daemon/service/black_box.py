@@ -20,7 +20,7 @@ from typing import Final
 from common.errors import LogError
 from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.socket_path import open_to_group
-from daemon.service.black_box_log import ENDED, PATIENCE_S, context_path, follow, save_left_over
+from daemon.service.black_box_log import ENDED, TIMEOUT_S, context_path, follow, save_left_over
 from daemon.service.journal import log_to_stderr
 from drivers.can.frame_ring import KEPT_S, FrameRing
 
@@ -29,7 +29,7 @@ MARGIN: Final = 1.2
 # Shortest time between restarts of a helper that keeps dying.
 HELPS_EVERY_S: Final = 10.0
 #: Longest wait for the log when the daemon ends for a fault, as it is to be restarted soon [s].
-FAULTED_PATIENCE_S: Final = 1.0
+FAULTED_TIMEOUT_S: Final = 1.0
 _log = logging.getLogger("contactd")
 
 
@@ -63,7 +63,7 @@ class BlackBox:
         self._unheard = ""  # fault that no helper received
         self._helped_s = -math.inf  # time of the last restart
         try:
-            save_left_over(path, directory, patience_s=0.0)
+            save_left_over(path, directory, timeout_s=0.0)
             directory.mkdir(parents=True, exist_ok=True)
             self.ring = FrameRing(path, math.ceil(KEPT_S * MARGIN * rate_hz), time.monotonic)
             group = DOORS[Door.CONTROL].group
@@ -122,7 +122,7 @@ class BlackBox:
                 self.report(ENDED.decode().strip())
             self._helper.stdin.close()
             try:
-                self._helper.wait(PATIENCE_S if orderly else FAULTED_PATIENCE_S)
+                self._helper.wait(TIMEOUT_S if orderly else FAULTED_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 _log.warning("the black box is still being written")
         if self.ring:

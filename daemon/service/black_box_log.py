@@ -24,7 +24,7 @@ AFTERMATH_S: Final = 2.0
 LOGS_KEPT: Final = 20
 # Formats of python-can that other programs read.
 FORMATS: Final = (".blf", ".log", ".asc")
-PATIENCE_S: Final = 10.0
+TIMEOUT_S: Final = 10.0
 ENDED: Final = b"ended\n"
 
 _log = logging.getLogger("contactd")
@@ -149,13 +149,13 @@ def write_log(frames: list[Recorded], target: Path) -> Path:
     return target
 
 
-def save_left_over(path: Path, directory: Path, patience_s: float = PATIENCE_S) -> Path | None:
+def save_left_over(path: Path, directory: Path, timeout_s: float = TIMEOUT_S) -> Path | None:
     """Save the frames that a dead daemon left without a helper, and remove the ring; returns the
     log's path, None if there is none.
 
-    Waits up to `patience_s` for a helper that is still writing. Raises LogError.
+    Waits up to `timeout_s` for a helper that is still writing. Raises LogError.
     """
-    end = time.monotonic() + patience_s
+    end = time.monotonic() + timeout_s
     try:
         with open_regular(path, follow=False) as ring:
             while True:

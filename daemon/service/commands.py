@@ -11,7 +11,7 @@ from daemon.arming.permission import Answer, Permission, owner_of
 from daemon.config.vectors import limits_of, stream_settings_of
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
-from daemon.motion.path import JointPath, Place
+from daemon.motion.path import JointPath, PathPoint
 from daemon.protocol import requests
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Reply, Status
@@ -74,7 +74,7 @@ class Commands:
             why = "reads its files anew" if self.reloading else "is ending"
             return self._reply(request, [f"the daemon {why}"])
         who, now = str(owner_of(request, peer)), self.loop.time_s
-        self.attendance.heard(peer.connection, now)
+        self.attendance.record_request(peer.connection, now)
         match request:
             case requests.GetStatus():
                 reply = replace(self._reply(request), status=self._status())
@@ -113,7 +113,7 @@ class Commands:
         reply = self._reply(request, self.set_up.request(event, who))
         if ends and reply.ok:
             # A pause by its sender ends the stream; by others it holds the arm until `start`.
-            controller.mend(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
+            controller.apply_event(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
         return reply
 
     def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:
@@ -155,7 +155,7 @@ class Commands:
             unproved=list(self.loop.tick.unproved()) if request.command in SEEN_TO_STAND else [],
         )
 
-    def _coverage_warnings(self, place: Place) -> list[str]:
+    def _coverage_warnings(self, place: PathPoint) -> list[str]:
         """Warnings about motion of a path that the thresholds do not cover."""
         last = self.loop.tick.last
         if last is None or last.decision is None or place.path.motors_only:
@@ -173,7 +173,7 @@ class Commands:
         except TrajectoryError as error:
             return self._reply(request, [str(error)])
         # All warnings, before the arm starts.
-        seen, way = self._coverage_warnings(Place(path)), poses.way(path)
+        seen, way = self._coverage_warnings(PathPoint(path)), poses.planned_path(path)
         warnings = [*seen, *poses.short_of(path)]
         reasons = self.permission.checks.unsettled()
         if request.plan:

@@ -11,7 +11,7 @@ from typing import Final, Self
 
 from daemon.arming.permission import Permission
 from daemon.modes.table import ENERGISED, Event, Mode
-from daemon.motion.path import Place
+from daemon.motion.path import PathPoint
 from daemon.protocol.lease import Lease
 from daemon.protocol.requests import STILLING, Command
 from daemon.protocol.text import printable
@@ -26,7 +26,7 @@ class Checkpoint:
 
     mode: Mode
     armed: bool
-    place: Place
+    place: PathPoint
     lease: Lease | None
 
     @classmethod
@@ -42,7 +42,7 @@ class Checkpoint:
         machine = controller.machine
         event = remedy(command, self, machine.mode, armed=machine.armed)
         if event is not None:
-            controller.mend(event, f"internal error in {command}", time_s)
+            controller.apply_event(event, f"internal error in {command}", time_s)
         if machine.mode is self.mode or machine.mode is Mode.OFF:
             controller.motion.follower.place = self.place
         permission.lease = self.lease if machine.armed else None

@@ -36,13 +36,13 @@ class Notifier:
 
     def ready(self, status: str) -> None:
         """Report that the start is complete: units that wait for this service may start."""
-        self._notify(b"READY=1\n" + self._patience(self._watchdog_s), status)
+        self._notify(b"READY=1\n" + self._timeout(self._watchdog_s), status)
 
     def reloading(self, status: str, now_s: float) -> None:
         """Report that a new start has begun (`now_s` monotonic). The watchdog's timeout is extended
         to that of the first start, as no tick feeds it meanwhile."""
         now = f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * now_s)}\n"
-        self._notify(now.encode() + self._patience(RELOAD_S), status)
+        self._notify(now.encode() + self._timeout(RELOAD_S), status)
 
     def status(self, text: str) -> None:
         """Report one line for `systemctl status`."""
@@ -63,7 +63,7 @@ class Notifier:
         """Close the socket."""
         self._socket.close()
 
-    def _patience(self, seconds: float) -> bytes:
+    def _timeout(self, seconds: float) -> bytes:
         return f"WATCHDOG_USEC={round(1e6 * seconds)}\n".encode() if self._watchdog_s else b""
 
     def _notify(self, state: bytes, status: str) -> None:

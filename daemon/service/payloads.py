@@ -12,7 +12,7 @@ from daemon.config.load import Robot
 from daemon.config.payload_shape import PAYLOAD, with_payload
 from daemon.config.schema import NO_PAYLOAD, Configuration
 from daemon.config.shapes import MOST_PAIRS, guarded
-from daemon.config.worst_loads import Carrying
+from daemon.config.worst_loads import PayloadCapacity
 from daemon.protocol.bounds import LIGHTEST_KG
 from daemon.protocol.requests import SetPayload
 from estimator.payload import HEAVIEST_KG, Payload
@@ -37,12 +37,12 @@ class Payloads:
     hand: str = field(init=False)
     """Name of the link in whose frame they are"""
     _tool_place: list[float] = field(init=False)
-    _carrying: Carrying = field(init=False)
+    _capacity: PayloadCapacity = field(init=False)
 
     def __post_init__(self) -> None:
         c, model = self.robot.configuration, self.robot.model
         self.hand, self._tool_place = model.hand, model.tool_place.tolist()
-        self._carrying = Carrying(c, model)
+        self._capacity = PayloadCapacity(c, model)
         self.named = named_payloads(c, self._tool_place)
 
     def asked_for(self, request: SetPayload) -> Payload | None:
@@ -102,4 +102,4 @@ class Payloads:
 
     def too_heavy(self, payload: Payload | None) -> list[str]:
         """Reasons why the motors cannot carry the payload, joint by joint."""
-        return [] if payload is None else self._carrying.too_heavy(payload)
+        return [] if payload is None else self._capacity.too_heavy(payload)

@@ -10,7 +10,7 @@ from daemon.config.load import Robot
 from daemon.config.vectors import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
-from daemon.protocol.replies import Way
+from daemon.protocol.replies import PlannedPath
 from daemon.protocol.requests import Go
 from daemon.tick.refusals import START_TOLERANCE
 
@@ -58,9 +58,9 @@ class Poses:
             f"the way to {name}", q.copy(), goal, speed, self._limits, self._ramp_s
         )
 
-    def way(self, path: PosePath) -> Way:
+    def planned_path(self, path: PosePath) -> PlannedPath:
         """Description of the path, for a person to check before the arm moves."""
-        return Way(
+        return PlannedPath(
             name=path.name,
             joints=self.joints,
             start=path.start.tolist(),
@@ -80,7 +80,7 @@ class Poses:
             f"{joint} may stop up to {short[i]:.3f} rad short of {goal[i]:.3f}: nearer to its "
             f"limit its link could fall beyond, through its gap"
             for i, joint in enumerate(self.joints)
-            if path.way[i] and short[i] > WARNED_RAD
+            if path.displacement[i] and short[i] > WARNED_RAD
         ]
 
     def _requested(self, request: Go) -> tuple[str, dict[str, float]]:

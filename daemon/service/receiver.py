@@ -10,7 +10,7 @@ import msgspec
 
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import MAX_REQUEST_BYTES
-from daemon.service.answers import Answers, Handler, has_hung_up
+from daemon.service.answers import Answers, Handler, peer_closed
 from daemon.service.connections import Connection, Connections
 
 #: Packets of closed clients read in one poll; the kernel keeps 300 of each.
@@ -87,7 +87,7 @@ class Receiver:
     def answer(self, connection: Connection, packet: bytes | None, after: int) -> bool:
         """Answer a packet that was sent after this moment; False if the client has hung up."""
         reply = self._answers.answer(connection, packet, after)
-        if has_hung_up(connection.socket):
+        if peer_closed(connection.socket):
             return False
         self.send(connection, reply)
         return True

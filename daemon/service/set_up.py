@@ -56,7 +56,7 @@ class SetUp:
         drives = self.drives
         if event is Event.ENABLE:
             return self.tick.controller.refusals(event)
-        if drives.left_alone or not (unproved := drives.unproved()):
+        if drives.master_timeout_passed or not (unproved := drives.unproved()):
             return []
         # They will stand soon, or the daemon will send nothing to them any more.
         return [

@@ -38,7 +38,7 @@ PIPE_BYTES: Final = 1 << 20
 #: Ticks between two reads of the warnings.
 LISTENS_EVERY: Final = 100
 _ANSWER_BYTES: Final = 65536
-_PATIENCE_S: Final = 5.0
+_TIMEOUT_S: Final = 5.0
 _log = logging.getLogger("contactd")
 
 
@@ -114,7 +114,7 @@ class TrendLine:
             return
         self._process.stdin.close()
         try:
-            self._process.wait(_PATIENCE_S)
+            self._process.wait(_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             _log.warning("the trends of today are still being written")
         if self._process.stdout is not None:

@@ -32,7 +32,7 @@ class ContactEvents:
     def mode_changed(self, before: Mode, event: Event) -> None:
         """Process a change of the mode that `event` caused."""
         released = before is Mode.RELEASING
-        end = self._motion.giving_way.end
+        end = self._motion.release_motion.end
         self.stage = after_release(event, end) if released else after_change(self.stage)
         opposed = before is Mode.RETRACTING and event is Event.HALT and self._motion.under_way
         self._opposed |= opposed
@@ -48,7 +48,7 @@ class ContactEvents:
         attentive = mode in ATTENTIVE or (mode is Mode.RETRACTING and not retracting)
         if attentive and not observed.touched and observed.sure:
             self.stage = ReleaseStage.NONE
-            self._motion.giving_way.forget()
+            self._motion.release_motion.forget()
         if event := self._of_collision(observed, attentive):
             goes_on = retracting and event in (Event.RETRACT, Event.RELEASE)
             return None if goes_on else Trigger(event, self._collision(observed))
@@ -95,7 +95,7 @@ class ContactEvents:
     def _releases(self, observed: ControlInput) -> bool:
         """True if the arm may release: once for each contact, so that it does not move to and fro
         between two obstacles; again if a release only ended because sensing was not reliable."""
-        if self.stage in (ReleaseStage.RELEASED, ReleaseStage.LET_GO) or not observed.sure:
+        if self.stage in (ReleaseStage.RELEASED, ReleaseStage.CONTACT_ENDED) or not observed.sure:
             return False
         sound = all(f.response is Response.CONTINUE for f in observed.findings)
         return sound and self._motion.can_release(observed.q, observed.avoided)

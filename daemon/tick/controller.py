@@ -18,19 +18,19 @@ from daemon.modes.table import ARMABLE, GUIDED, YIELDING, Event, Mode, refusal
 from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
-from daemon.motion.path import JointPath, Place
+from daemon.motion.path import JointPath, PathPoint
 from daemon.motion.target_stream import CAUSES, ENDED_S, Phase, TargetStream
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
 from daemon.tick.leading import Leading
 from daemon.tick.own_events import OwnEvents
-from daemon.tick.refusals import lacking, leads_through, not_energisable, not_startable, touched
+from daemon.tick.refusals import lacking, not_energisable, not_startable, path_collision, touched
 from daemon.tick.telemetry import stream_state
 from drivers.api import PowerTarget
 
 # Time for a reset, after which a drive's fault counts as a new one [s].
-RESET_PATIENCE_S = 0.5
+RESET_TIMEOUT_S = 0.5
 
 
 class Controller:
@@ -101,10 +101,10 @@ class Controller:
         self._apply(event, f"{event.value}{what} by {who}", time_s)
         return []
 
-    def next_place(self, path: JointPath | None = None) -> Place:
-        """Place of the trajectory, or the one at which `start` would begin it."""
+    def next_place(self, path: JointPath | None = None) -> PathPoint:
+        """Point of the trajectory, or the one at which `start` would begin it."""
         if path is not None:
-            return Place(path)
+            return PathPoint(path)
         goes_on = self.machine.moving or self.machine.paused
         return self.motion.follower.place if goes_on else self._configured
 
@@ -123,7 +123,7 @@ class Controller:
         """Take the permission back: an arm that is being guided stops and holds."""
         self._apply(Event.DISARM, cause, time_s)
 
-    def mend(self, event: Event, cause: str, time_s: float) -> None:
+    def apply_event(self, event: Event, cause: str, time_s: float) -> None:
         """Apply `stop`, `disarm` or a fault after a request that raised an error."""
         self._apply(event, cause, time_s)
 
@@ -141,7 +141,7 @@ class Controller:
             reasons = touched(observed, place.path, armed=self.machine.armed, blind=blind)
             reasons = reasons or not_startable(joints, observed.q, limits, place)
             walls = None if reasons else self.motion.walls
-            self.motion.meeting = met = leads_through(walls, observed.q, place)
+            self.motion.meeting = met = path_collision(walls, observed.q, place)
             return [met.text] if met else reasons
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
@@ -225,7 +225,7 @@ class Controller:
         """True while drives are asked for a fault reset: only while nothing may move yet."""
         if self.machine.mode is not Mode.OFF or self.machine.entered_by is not Event.RESET:
             return False
-        return time_s < self.machine.entered_s + RESET_PATIENCE_S
+        return time_s < self.machine.entered_s + RESET_TIMEOUT_S
 
     def _way_back(self, q: Vector, home: Vector) -> Vector:
         """End of the way back to the trajectory (n,) [rad]: the pose at which a contact took the
@@ -274,9 +274,9 @@ class Controller:
         elif mode is Mode.TRACKING:
             anchor = motion.reference if event is Event.ARRIVED else observed.q
             motion.follow(anchor, again=event is not Event.START)
-        elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
+        elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.CONTACT_ENDED:
             push = observed.pressing
-            motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
+            motion.hold(motion.release_motion.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)

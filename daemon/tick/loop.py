@@ -25,7 +25,7 @@ class Clock:
     wall: Callable[[], float]  # Unix time [s]; for display and recordings only
 
 
-def deadlines_left_out(lateness: float) -> int:
+def skipped_deadlines(lateness: float) -> int:
     """Deadlines to skip after a wake-up that is this many periods late: the next one of the grid
     must leave the current tick time for the drives' answers."""
     return max(math.ceil(lateness + ANSWER_SHARE) - 1, 0)
@@ -74,7 +74,7 @@ class Loop:
         clock.sleep_until(deadline)
         woken = clock.now()
         lateness = woken - deadline
-        left_out = deadlines_left_out(lateness / period)
+        left_out = skipped_deadlines(lateness / period)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
         wakeup = Wakeup(

@@ -44,7 +44,7 @@ class Notices:
                 for finding in findings
                 if finding.response > Response.CONTINUE
                 and finding not in self._reported
-                and finding.condition is not Condition.DEAF  # reported by SensingNotices
+                and finding.condition is not Condition.NOT_SENSING  # reported by SensingNotices
             ]
             self._reported = (self._reported if faulted else frozenset()).union(findings)
         changes = self._machine.changes

@@ -20,7 +20,7 @@ from daemon.motion.motion import Motion
 from daemon.motion.probe import Probe
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput, ControllerSettings
-from daemon.tick.refusals import leaves_limits, looked_ahead
+from daemon.tick.refusals import leaves_limits, path_collisions
 
 # Points of the path that are checked in one tick, before it resumes: half a millisecond.
 PLACES_A_TICK = 8
@@ -133,7 +133,7 @@ class OwnEvents:
         """Reasons why the trajectory cannot resume from q (n,) [rad]: shapes that it would lead
         through each other. None until the check is complete, in a later tick."""
         if self._ahead is None:
-            self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
+            self._ahead = path_collisions(self._motion.walls, q, self._motion.follower.place)
         looks = list(islice(self._ahead, PLACES_A_TICK))
         met = next(filter(None, looks), None)
         if len(looks) == PLACES_A_TICK and met is None:
@@ -142,7 +142,7 @@ class OwnEvents:
         return [met.text] if met else []
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
-        release = self._motion.giving_way
+        release = self._motion.release_motion
         q, push = observed.q, observed.pressing
         release.step(q, observed.motor_velocity, push, dt, sure=observed.sure)
         if not release.end:
@@ -154,20 +154,20 @@ class OwnEvents:
         operating = observed.operating
         if all(operating):
             return Trigger(Event.ENERGISED, "drives enabled")
-        if elapsed_s <= (patience_s := self._settings.enable_timeout_s):
+        if elapsed_s <= (timeout_s := self._settings.enable_timeout_s):
             return None
         drives = zip(self._settings.joints, operating, observed.drives, strict=True)
         late = ", ".join(f"{name} is in {drive.detail}" for name, on, drive in drives if not on)
-        text = f"the drives were not enabled within {patience_s:g} s: {late}"
+        text = f"the drives were not enabled within {timeout_s:g} s: {late}"
         return Trigger(Event.TIMEOUT, text)
 
     def _stopping(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
         still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
         if observed.recent and still.all() and not self._motion.velocity.any():
             return Trigger(Event.STANDSTILL, self._machine.cause)
-        if elapsed_s <= (patience_s := self._settings.stop_timeout_s):
+        if elapsed_s <= (timeout_s := self._settings.stop_timeout_s):
             return None
-        return Trigger(Event.TIMEOUT, f"the arm did not stop within {patience_s:g} s")
+        return Trigger(Event.TIMEOUT, f"the arm did not stop within {timeout_s:g} s")
 
     def _tracking(self, _elapsed_s: float, _observed: ControlInput) -> Trigger | None:
         if not self._motion.follower.finished:

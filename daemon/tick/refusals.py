@@ -8,7 +8,7 @@ import numpy as np
 from common.arrays import Vector
 from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
-from daemon.motion.path import ROUNDING, JointPath, Place, stands
+from daemon.motion.path import ROUNDING, JointPath, PathPoint, stands
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput
 from estimator.walls import SINKS_M, Walls
@@ -89,14 +89,14 @@ def touched(observed: ControlInput, path: JointPath, *, armed: bool, blind: bool
     return [f"{observed.touched}: free it first"] if halts else []
 
 
-def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: PathPoint) -> list[str]:
     """Reasons against `start`: joints that are not where the path begins, otherwise those that it
     would move out of their limits; then the command that moves the arm to a valid start."""
-    astray, begin = _astray(joints, q, place), place.path.begin
-    if astray and begin is not None:
-        there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
+    off_start, begin = _off_start(joints, q, place), place.path.begin
+    if off_start and begin is not None:
+        there = np.where(place.off_start(q, START_TOLERANCE), begin, np.nan)
         here = "--from-here (the configured one: trajectory.from_here)"
-        return [*astray, f"{way_to(joints, there)}, or start it with {here}"]
+        return [*off_start, f"{way_to(joints, there)}, or start it with {here}"]
     reasons = leaves_limits(joints, q, limits, place)
     there = place.nearest(q, limits.lower, limits.upper, INSIDE)
     if reasons and all_finite(there):
@@ -104,17 +104,17 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     return reasons
 
 
-def leads_through(walls: Walls | None, q: Vector, place: Place) -> Meeting | None:
+def path_collision(walls: Walls | None, q: Vector, place: PathPoint) -> Meeting | None:
     """First collision of shapes on a path from q (n,) [rad], a reason against `start`; or None."""
-    return next(filter(None, looked_ahead(walls, q, place)), None)
+    return next(filter(None, path_collisions(walls, q, place)), None)
 
 
-def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeting | None]:
+def path_collisions(walls: Walls | None, q: Vector, place: PathPoint) -> Iterator[Meeting | None]:
     """Check of the rest of a path from q (n,) [rad], or of its first minute if it is endless: for
     each of PLACES points, the pair that penetrates, or penetrates deeper than before, if any."""
     if walls is None or not walls.clearance.pairs:
         return
-    clearance, path, s = walls.clearance, place.led_to(q).path, place.s
+    clearance, path, s = walls.clearance, place.continued_from(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
     clearance.at(q)
     least, origin = _floor(clearance.least, -np.inf), q - path.offset(s)
@@ -151,17 +151,17 @@ def way_to(joints: Sequence[str], there: Vector) -> str:
     return f"`contactctl go {words}` leads there"
 
 
-def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
-    astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
+def _off_start(joints: Sequence[str], q: Vector, place: PathPoint) -> list[str]:
+    off_start, begin = place.off_start(q, START_TOLERANCE), place.path.begin
     return [
         f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
         f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g})"
         for i, name in enumerate(joints)
-        if begin is not None and astray[i]
+        if begin is not None and off_start[i]
     ]
 
 
-def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: PathPoint) -> list[str]:
     """Reasons for each joint that the rest of the path would move out of its limits, from q (n,)
     [rad]."""
     beyond = place.leaves_limits(q, limits.lower, limits.upper)

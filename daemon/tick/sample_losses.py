@@ -33,13 +33,13 @@ class SampleLosses:
         self._reported: set[int] = set()
         self._late, self._late_reported = 0.0, False
 
-    def step(self, came: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
-        """Process one tick: `came` is True for joints with a sample (n,); `complete` if all samples
+    def step(self, arrived: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
+        """Process one tick: `arrived` is True for joints with a sample (n,); `complete` if all
         are of this tick. Returns notices."""
         if complete and not self._any:
             return ()
-        self.share += (~came - self.share) * self._weight
-        self._late += ((not complete and bool(came.all())) - self._late) * self._weight
+        self.share += (~arrived - self.share) * self._weight
+        self._late += ((not complete and bool(arrived.all())) - self._late) * self._weight
         self._any = max(self.share.max(), self._late) > _NONE
         many = set(np.flatnonzero(self.share > MANY).tolist()) - self._reported
         self._reported = {i for i in self._reported if self.share[i] > FEW} | many

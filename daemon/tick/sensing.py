@@ -81,7 +81,7 @@ class SensingNotices:
         """Notices of one tick; findings: all of this tick."""
         notices: list[Notice] = []
         for finding in findings:
-            if finding.condition is Condition.DEAF:
+            if finding.condition is Condition.NOT_SENSING:
                 new = set(np.flatnonzero(~sensing.joints).tolist()) - self._deaf_s.keys()
                 self._deaf_s |= {i: float(sensing.since_s[i]) for i in new}
                 if new:

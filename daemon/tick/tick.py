@@ -111,7 +111,7 @@ class Tick:
         # No contact is sensed while a brake may carry the arm.
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
-        losses = self.losses.step(samples.came, complete=complete)
+        losses = self.losses.step(samples.arrived, complete=complete)
         news, senses = self.learning_notices, mode in SENSING
         learned = news.step(time_s, led=mode in YIELDING) if senses else ()
         others = (*losses, *loads, *learned)

@@ -13,7 +13,7 @@ from bench.rigs.browser import browser
 
 HERE = Path(__file__).parent
 SIZE = {"width": 1360, "height": 900}
-PATIENCE_MS = 60_000
+TIMEOUT_MS = 60_000
 # Two joints feel more than their level, and the arm is drawn, with an arc for each.
 PUSHED = """() => document.querySelectorAll('.joint.beyond').length === 2
     && Number(document.querySelector('#scene').dataset.arrows) === 2"""
@@ -30,7 +30,7 @@ def main() -> None:
         with browser() as chromium:
             page = chromium.new_page(viewport=SIZE, color_scheme="light")
             page.goto(f"{found.group(0).decode()}?scene=on")
-            page.wait_for_function(PUSHED, timeout=PATIENCE_MS)
+            page.wait_for_function(PUSHED, timeout=TIMEOUT_MS)
             page.wait_for_timeout(1200)
             page.screenshot(path=HERE / "push.png")
         demo.send_signal(signal.SIGINT)  # as Ctrl-C does: it ends its processes

@@ -35,10 +35,10 @@ class CanopenArm(CanopenDrives):
         self.boot.boot_up(report)
 
     def start(
-        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+        self, now: float, renewed: Sequence[int] | None = None, received: Sequence[Frame] = ()
     ) -> None:
-        """Start cyclic operation as `CanopenDrives.start`, with the frames heard during boot-up."""
-        super().start(now, renewed, [*self.boot.heard.take(), *heard])
+        """Start cyclic operation as `CanopenDrives.start`, with the frames of the boot-up."""
+        super().start(now, renewed, [*self.boot.received.take(), *received])
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
         """Read back all drives, and set up again those that differ; returns their joints.
@@ -68,6 +68,6 @@ class CanopenArm(CanopenDrives):
         self.distrust([*known, *found])
         return sorted([*known, *found])
 
-    def let_go(self) -> None:
-        """Disable the drives' monitoring of the master, as `DriveBoot.let_go`."""
-        self.boot.let_go()
+    def disable_monitoring(self) -> None:
+        """Disable the drives' monitoring of the master, as `DriveBoot.disable_monitoring`."""
+        self.boot.disable_monitoring()

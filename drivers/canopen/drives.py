@@ -23,7 +23,7 @@ from drivers.canopen.settings import CanopenDrive
 from drivers.canopen.stops import Stops
 from drivers.event_queue import EventQueue
 from drivers.presence import Presence
-from drivers.stopping.travel import least_patience_s
+from drivers.stopping.travel import least_master_timeout_s
 
 _OFF, _ON, _STOP = PowerTarget
 
@@ -47,11 +47,11 @@ class CanopenDrives:
         self._joints = dict(zip(self.nodes, self.names, strict=True))
         self._events: EventQueue[BusEvent] = EventQueue()
         self._report = self._events.report
-        self._presence = Presence(least_patience_s(drives), period_s)
+        self._presence = Presence(least_master_timeout_s(drives), period_s)
         self._outbox = Outbox(wire, drives, master_node, self._report)
         self._setpoints = self._outbox.setpoints
         self._inbox = Inbox(
-            *(wire, drives, period_s, bitrate, self._outbox.masters_own),
+            *(wire, drives, period_s, bitrate, self._outbox.master_ids),
             self._report,
             on_sdo=self._hear_sdo,
             on_node=self._address,
@@ -71,15 +71,15 @@ class CanopenDrives:
         return self._answers.samples
 
     def start(
-        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+        self, now: float, renewed: Sequence[int] | None = None, received: Sequence[Frame] = ()
     ) -> None:
         """Set all drives that are set up to NMT operational: PDOs flow, and heartbeats are
         monitored from `now` on.
 
         renewed: joints whose drives were just set up. None means all, at the first start: queued
         frames and all history are discarded. Otherwise only messages of these drives about their
-        lost set-up are dropped; all other frames `heard` between ticks (oldest first) are reported
-        with the next samples, and the history of the other drives is kept.
+        lost set-up are dropped; all other frames `received` between ticks (oldest first) are
+        reported with the next samples, and the history of the other drives is kept.
         """
         self._now = now
         if renewed is None or len(renewed) == len(self.names) or not self._stops.silent:
@@ -97,7 +97,7 @@ class CanopenDrives:
         self._nodes.start(now, renewed)
         self._emergencies.renewed(renewed)
         # `queued` arrived after the set-up: a boot-up message among them must be reported.
-        self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
+        self._inbox.take_after_set_up(received, (HEARTBEAT, EMERGENCY), renewed or (), now)
         self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
         self._address()
         if not self._stops.silent:  # silence ends when all drives are set up again
@@ -240,15 +240,15 @@ class CanopenDrives:
         """Joints commanded to stop and not confirmed at standstill since."""
         return self._named(self._stops.unproved)
 
-    def stopped_in_vain(self, joint: int) -> bool:
+    def stop_failed(self, joint: int) -> bool:
         """True if a quick stop was observed not to stop a joint: its power may be cut in motion."""
-        return self._stops.stopped_in_vain(joint)
+        return self._stops.stop_failed(joint)
 
     @property
-    def left_alone(self) -> bool:
+    def master_timeout_passed(self) -> bool:
         """True in the last stage of a stop, once every drive has had the time to miss the master
         and to stop by itself."""
-        return self._stops.left_alone(self._now)
+        return self._stops.master_timeout_passed(self._now)
 
     @property
     def silenced(self) -> bool:
@@ -293,5 +293,5 @@ class CanopenDrives:
         return tuple(self.names[i] for i in joints)
 
     def _hear_sdo(self, node: int, data: bytes | bytearray) -> None:
-        self._stops.hear(node, data)
-        self._sdo_watch.hear(node, data)
+        self._stops.on_sdo(node, data)
+        self._sdo_watch.on_sdo(node, data)

@@ -20,7 +20,7 @@ from drivers.canopen.ids import SDO_REQUEST
 from drivers.canopen.settings import CanopenDrive, PdoEntry
 from drivers.counts import correct
 from drivers.drive import harmonics
-from drivers.stopping.stop_watch import OBEYING, Seen
+from drivers.stopping.stop_watch import OBEYING, StopReading
 
 #: Ticks without an answer after which a request is repeated; a late answer still counts.
 ANSWER_TICKS: Final = 5
@@ -88,7 +88,7 @@ class ExpeditedStop:
         self._next = 0  # index of the next position
         self._ticks_left = 0  # until the request is repeated; 0 if no answer is awaited
         self._statusword = 0
-        self._seen: Seen | None = None
+        self._seen: StopReading | None = None
         self.confirmed = False
         """True once the drive has acknowledged the command since `begin`."""
 
@@ -108,7 +108,7 @@ class ExpeditedStop:
         data = _COMMAND_FRAMES[target] if self._step == _COMMAND else self._ask[self._step]
         return self._cob_id, data
 
-    def hear(self, data: bytes | bytearray) -> None:
+    def on_sdo(self, data: bytes | bytearray) -> None:
         """Take a frame of its SDO server; answers that match no request of this client are
         ignored."""
         if not self._ticks_left or len(data) < 8 or _PLACE.unpack_from(data) != self._place:
@@ -136,7 +136,7 @@ class ExpeditedStop:
     def _see(self) -> None:
         """Store the reading, and choose the next step."""
         condition = CONDITION_OF[drive_state(self._statusword)]
-        self._seen = Seen(
+        self._seen = StopReading(
             condition,
             self._velocity.value,
             position=self._link.value,
@@ -149,7 +149,7 @@ class ExpeditedStop:
     def _place(self) -> tuple[int, int]:
         return self._places[self._step]
 
-    def take(self) -> Seen | None:
+    def take(self) -> StopReading | None:
         """Reading since the last call; None if there was none."""
         seen, self._seen = self._seen, None
         return seen

@@ -24,11 +24,11 @@ class HeartbeatWatch:
     # The drive has left NMT operational or restarted: its set-up is lost.
     forgot: bool = False
 
-    def excuse(self, now: float) -> None:
+    def restart(self, now: float) -> None:
         """Restart the timeout at `now`: the bus was not read until then."""
         self.heard_at = now
 
-    def hear(self, nmt_state: int, now: float) -> Fact | None:
+    def on_heartbeat(self, nmt_state: int, now: float) -> Fact | None:
         """Take a heartbeat or boot-up message."""
         self.heard_at, self.lost = now, False
         state = nmt_state & 0x7F  # bit 7 is the toggle bit of node guarding

@@ -32,19 +32,19 @@ class Inbox:
         drives: Sequence[CanopenDrive],
         period_s: float,
         bitrate: int,
-        masters_own: set[int],
+        master_ids: set[int],
         report: Report,
         on_sdo: Callable[[int, bytes | bytearray], None],
         on_node: Callable[[], None],
         on_bus_off: Callable[[], None],
     ) -> None:
-        """masters_own: identifiers that only this master may send. on_sdo receives the SDO answer
+        """master_ids: identifiers that only this master may send. on_sdo receives the SDO answer
         of a node; on_node is called when the state of a node has changed, on_bus_off on bus-off.
         Raises ConfigurationError if a PDO layout does not fit."""
         self.answers = Answers(drives, report, period_s)
         self.nodes = NodeWatches(drives)
         self.traffic = Traffic(frames(drives, period_s), period_s, bitrate)
-        self._wire, self._masters_own = wire, masters_own
+        self._wire, self._master_ids = wire, master_ids
         self._report = report
         self._on_sdo, self._on_node, self._on_bus_off = on_sdo, on_node, on_bus_off
 
@@ -97,9 +97,9 @@ class Inbox:
         unknown = self.nodes.unknown_frames
         if can_id & ~NODE == SDO_ANSWER:  # False with any flag set: 11-bit identifiers only
             self._on_sdo(can_id & NODE, data)
-        elif can_id in self._masters_own:
+        elif can_id in self._master_ids:
             self._report(Fact(Kind.FOREIGN_MASTER, text=f"it sends 0x{can_id:03X}"))
-        elif found := self.nodes.hear(can_id, data, now):
+        elif found := self.nodes.on_frame(can_id, data, now):
             if not isinstance(found, Emergency):
                 self._on_node()
             self._report(found)

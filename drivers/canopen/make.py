@@ -70,8 +70,8 @@ def frames(
     """All periodic frames of the arm."""
     tick_hz = 1.0 / period_s
     # The master's heartbeat is sent on a tick, at least three times per shortest master timeout.
-    patience_s = min(drive.profile.patience_s for drive in drives)
-    beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
+    master_timeout_s = min(drive.profile.master_timeout_s for drive in drives)
+    beat_s = period_s * max(1, math.floor(master_timeout_s / 3.0 / period_s))
     table = [
         FrameLoad("SYNC", SYNC, 0, tick_hz),
         FrameLoad("heartbeat of the master", HEARTBEAT + master_node, 1, 1.0 / beat_s, False),

@@ -42,11 +42,11 @@ class NodeWatches:
         """Expect heartbeats from `now` on. `renewed` were just set up (None: all); the history of
         the others is kept."""
         for node in self._nodes:
-            node.beat.excuse(now)
+            node.beat.restart(now)
         for i in range(len(self._nodes)) if renewed is None else renewed:
             self._nodes[i] = self._watched(self._drives[i], now)
 
-    def hear(self, can_id: int, data: bytes | bytearray, now: float) -> BusEvent | None:
+    def on_frame(self, can_id: int, data: bytes | bytearray, now: float) -> BusEvent | None:
         """Take a heartbeat or an emergency; any other frame is counted as unknown."""
         joint, service = self.joint_of.get(can_id & NODE), can_id & ~NODE
         if joint is None or service not in (HEARTBEAT, EMERGENCY):
@@ -54,7 +54,7 @@ class NodeWatches:
             return None
         node = self._nodes[joint]
         if service == HEARTBEAT:
-            return node.beat.hear(data[0], now) if data else None
+            return node.beat.on_heartbeat(data[0], now) if data else None
         code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
         kind = code & 0xFF00
         node.complained |= kind in OF_COMMUNICATION

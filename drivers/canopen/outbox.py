@@ -31,7 +31,7 @@ class Outbox:
         self._stops_by_sdo = expedited_quick_stops(drives)
 
     @property
-    def masters_own(self) -> set[int]:
+    def master_ids(self) -> set[int]:
         """Identifiers that only the master sends."""
         setpoints = (cob_id for cob_id, _ in self.setpoints.frames)
         return {NMT, SYNC, self.heartbeat[0], *setpoints}

@@ -27,11 +27,11 @@ _QUESTION: Final = struct.pack("<B3s4x", 0x40, _PLACE)
 
 
 class SdoWatch:
-    """Watch of one arm: call `ask` in each tick that permits requests, and `hear` for answers."""
+    """Watch of one arm: call `ask` in each tick that permits requests, and `on_sdo` for answers."""
 
     def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         self._nodes = [drive.node for drive in drives]
-        self._patience_s = [SHARE * drive.profile.sdo_timeout_ms / 1000.0 for drive in drives]
+        self._timeout_s = [SHARE * drive.profile.sdo_timeout_ms / 1000.0 for drive in drives]
         self._missed = [0] * len(drives)
         self._next = 0  # joint of the next or pending request; past the end after a round
         self._asked_s: float | None = None
@@ -54,7 +54,7 @@ class SdoWatch:
     def ask(self, now: float) -> list[Frame]:
         """Request of this tick, if one is due."""
         if self._asked_s is not None:
-            if now - self._asked_s < self._patience_s[self._next]:
+            if now - self._asked_s < self._timeout_s[self._next]:
                 return []
             self._missed[self._next] += 1
             self._next += self._missed[self._next] >= UNANSWERED
@@ -68,7 +68,7 @@ class SdoWatch:
         self._asked_s = now
         return [(SDO_REQUEST + self._nodes[self._next], _QUESTION)]
 
-    def hear(self, node: int, data: bytes | bytearray) -> None:
+    def on_sdo(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server; an abort counts as an answer, too."""
         if data[1:4] != _PLACE or node not in self._nodes:
             return

@@ -84,7 +84,7 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
             raise ValueError("a drive profile needs either `current` or `torque`")
 
     @property
-    def patience_s(self) -> float:
+    def master_timeout_s(self) -> float:
         """Time without the master's heartbeat after which the drive stops by itself [s]."""
         return self.master_timeout_ms / 1000.0
 
@@ -99,7 +99,7 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
         return True
 
     @property
-    def without_us(self) -> str:
+    def timeout_reaction(self) -> str:
         """Reaction of the drive when it no longer receives our frames, as text."""
         return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops and holds"
 

@@ -16,8 +16,8 @@ from drivers.canopen.events import Fact
 from drivers.canopen.expedited_stop import ExpeditedStop
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
 from drivers.canopen.settings import CanopenDrive
-from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Seen, Stage
-from drivers.stopping.watches import REPEATS, Watches, seen_in
+from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Stage, StopReading
+from drivers.stopping.watches import REPEATS, Watches, stop_reading
 
 MOVES_ON: Final = "it reports that it stops, but keeps moving"
 BEYOND: Final = "beyond its travel: power cut"
@@ -51,11 +51,11 @@ class Stops:
         """True if a drive may lose its power, as `Watches.may_be_off`."""
         return self._all.may_be_off(joint)
 
-    def stopped_in_vain(self, joint: int) -> bool:
+    def stop_failed(self, joint: int) -> bool:
         """True if a drive reports that it stops, but was observed beyond its travel."""
         return self._watches[joint].cut
 
-    def left_alone(self, now: float) -> bool:
+    def master_timeout_passed(self, now: float) -> bool:
         """True once every drive has had the time to miss the master and to stop by itself."""
         return self.silent and now >= self._all_stopped_s
 
@@ -78,10 +78,10 @@ class Stops:
         """Take over the motion history of the drives until now."""
         self._all.take_over(before._all)
 
-    def hear(self, node: int, data: bytes | bytearray) -> None:
+    def on_sdo(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server."""
         if expedited := self._by_node.get(node):
-            expedited.hear(data)
+            expedited.on_sdo(data)
 
     def begin_all(self, now: float, samples: Samples) -> list[Frame]:
         """Command every drive to stop by SDO, which needs no SYNC, whatever its setpoint was."""
@@ -156,18 +156,18 @@ class Stops:
         self._watches[joint].begin(now, stage, speed)
         self._expedited[joint].begin()
 
-    def _seen(self, joint: int, samples: Samples) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples) -> StopReading | None:
         """Latest fresh reading of a drive; a sample, which holds more, precedes an SDO reading."""
         asked = self._expedited[joint].take()
         condition = samples.drives[joint].condition
-        came = bool(samples.came[joint])
-        self._heard[joint] = came and not self._all.repeat[joint]
-        if not came:
+        arrived = bool(samples.arrived[joint])
+        self._heard[joint] = arrived and not self._all.repeat[joint]
+        if not arrived:
             return asked
         if self._all.repeat[joint]:
             # Of repeated samples, at most the statusword is still informative.
-            return asked or (Seen(condition, math.nan) if condition in OBEYING else None)
-        return seen_in(samples, joint)
+            return asked or (StopReading(condition, math.nan) if condition in OBEYING else None)
+        return stop_reading(samples, joint)
 
     def _fall_silent(self, now: float) -> None:
         """Begin the last stage. It ends when every drive has missed our heartbeat and stopped from
@@ -176,7 +176,7 @@ class Stops:
             return
         self.silent = True
         self._all_stopped_s = now + max(
-            drive.profile.patience_s
+            drive.profile.master_timeout_s
             + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
             for drive, watch in zip(self._drives, self._watches, strict=True)
         )

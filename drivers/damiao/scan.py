@@ -7,7 +7,7 @@ from typing import Final
 from drivers.can.wire import Wire
 from drivers.damiao.frames import Register, read, register_of, value_of
 from drivers.damiao.settings import MODELS
-from drivers.motors.queries import heard
+from drivers.motors.queries import received_frames
 from drivers.motors.scan import scanned
 
 #: Answer timeout of one motor [s].
@@ -53,7 +53,7 @@ def _asked(wire: Wire, motor: int, register: Register) -> tuple[float, int]:
     """Value of a register and the number of answers, under any master ID."""
     value, count = math.nan, 0
     wire.send([read(motor, register)])
-    for _, data in heard(wire, ANSWER_S):
+    for _, data in received_frames(wire, ANSWER_S):
         if register_of(motor, data) == register:
             value, count = value_of(register, data), count + 1
     return value, count

@@ -121,7 +121,7 @@ def _named(register: Register) -> str:
 def _wanted(drive: DamiaoDrive) -> dict[Register, float]:
     """Registers to write, and their values."""
     return {
-        Register.TIMEOUT: round(drive.profile.patience_s / TIMEOUT_S),
+        Register.TIMEOUT: round(drive.profile.master_timeout_s / TIMEOUT_S),
         Register.MODE: IMPEDANCE_MODE,
     }
 

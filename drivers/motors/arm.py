@@ -13,7 +13,7 @@ from drivers.can.load import FrameLoad
 from drivers.can.traffic import Traffic
 from drivers.can.wire import IDENTIFIER, Frame, Wire
 from drivers.motors.drives import MotorTick
-from drivers.motors.guardian import BEAT, Doing
+from drivers.motors.guardian import BEAT, Activity
 from drivers.motors.language import Language
 from drivers.motors.language import MotorDrives as Motors
 
@@ -82,7 +82,7 @@ class MotorArm(MotorTick):
         self._setup = make.setup
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
         self._identities: list[MotorIdentity] = []
-        self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS
+        self._beat_s = min(drive.profile.master_timeout_s for drive in drives) / BEATS
         self._beaten_s = -math.inf
 
     @property
@@ -147,7 +147,7 @@ class MotorArm(MotorTick):
                 "off, or restart the daemon after a fault"
             )
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the timeouts of all motors: those that hold keep holding. Raises the first
         DriveError after all are written."""
         setup = self._setup(self._wire, lambda: self._beat(lambda: None))
@@ -178,7 +178,7 @@ class MotorArm(MotorTick):
                 raise BusError(f"the bus cannot be read: {error}") from error
             if frame is not None:
                 heard = frame[0] if self._language.masters(frame[0]) else heard
-                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Doing.WATCHES]))
+                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Activity.WATCHES]))
         if heard is not None and not held:
             raise BusError(
                 f"another master is on this bus: 0x{heard & IDENTIFIER:03X} is being sent"

@@ -21,7 +21,7 @@ from drivers.motors.replies import Replies, news_of
 from drivers.motors.setpoints import Setpoints
 from drivers.motors.stops import Stops
 from drivers.presence import Presence
-from drivers.stopping.travel import least_patience_s
+from drivers.stopping.travel import least_master_timeout_s
 
 NO_GUARDIAN: Final = (
     "no guardian is heard on the bus, to hold the arm if this process dies: run `contactd guard`"
@@ -49,7 +49,7 @@ class MotorTick:
         self.replies = Replies(drives, language, period_s)
         self._clock, self._now = clock, 0.0
         self._stops = Stops(drives, period_s)
-        self._presence = Presence(least_patience_s(drives), period_s)
+        self._presence = Presence(least_master_timeout_s(drives), period_s)
         self._language = language
         self._setpoints = Setpoints(drives, language, period_s)
         adopt = self._setpoints.adopt
@@ -58,7 +58,7 @@ class MotorTick:
         self._measured = [math.nan] * n  # plausible positions of the motors
         self._stopping = [True] * n
         self._reported = [UNREPORTED] * n  # last reported statuses
-        self._let_go = [True] * n  # motors without power by our command
+        self._released = [True] * n  # motors without power by our command
         self._unset: set[int] = set()
         self._behind: dict[int, Frame] = {}  # frame to send after the joint's first setpoint
         self._backlog = False
@@ -160,7 +160,7 @@ class MotorTick:
                     self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
             before, self._reported[i] = self._reported[i], status
-            news, text = news_of(before, status, let_go=self._let_go[i])
+            news, text = news_of(before, status, released=self._released[i])
             if news is Kind.RESTARTED:
                 self._unset.add(i)
             if news is not None:
@@ -190,7 +190,7 @@ class MotorTick:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(
-            *self._stops.step(self._now, targets, self.samples, velocity, self._let_go)
+            *self._stops.step(self._now, targets, self.samples, velocity, self._released)
         )
         self._measured = self.replies.witnessed.tolist()
         frames: list[Frame] = []
@@ -226,8 +226,8 @@ class MotorTick:
         if (behind := self._behind.pop(i, None)) is not None:
             frames.append(behind)
         self.replies.pending[i] = int(not asks)  # a lost feedback is not awaited any longer
-        commands, lets_go = self._power_commands(i, target, status, reset, at=at)
-        self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
+        commands, releases = self._power_commands(i, target, status, reset, at=at)
+        self._released[i] = releases or (self._released[i] and state is not State.ON)
         frames += commands
         self.replies.pending[i] += len(commands)
 
@@ -273,8 +273,8 @@ class MotorTick:
         self._port.send(self._setpoints.stop())
 
     @property
-    def left_alone(self) -> bool:
-        """False: these motors are never left alone."""
+    def master_timeout_passed(self) -> bool:
+        """False: the daemon never falls silent for these motors."""
         return False
 
     def end(self) -> None:

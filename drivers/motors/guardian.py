@@ -35,7 +35,7 @@ LOWERS: Final = 0.1
 UNLOADED_SHARE: Final = 0.02
 
 
-class Doing(IntEnum):
+class Activity(IntEnum):
     """Activity of a guardian, as reported in its beat."""
 
     WATCHES = 0
@@ -55,7 +55,7 @@ class _Motor:
     hot: bool = False
     alone: bool = False  # its timeout is disabled: it was left holding on purpose
 
-    def hear(self, answer: Feedback, middle: float) -> None:
+    def on_feedback(self, answer: Feedback, middle: float) -> None:
         """Take a feedback of the motor."""
         self.enabled = answer.status.state is State.ON
         self.here = (answer.position - middle) * self.step
@@ -84,11 +84,11 @@ class Guardian:
         self._motors = [
             _Motor(drive, steps[0]) for drive, steps in zip(drives, language.steps, strict=True)
         ]
-        patience_s = min(drive.profile.patience_s for drive in drives)
-        self._after_s, self._every_s = TAKES_OVER_SHARE * patience_s, EVERY_SHARE * patience_s
+        timeout_s = min(drive.profile.master_timeout_s for drive in drives)
+        self._after_s, self._every_s = TAKES_OVER_SHARE * timeout_s, EVERY_SHARE * timeout_s
         self._held_since_s: float | None = None
         self._commanded_s = self._beaten_s = float("-inf")
-        self.doing = Doing.WATCHES
+        self.activity = Activity.WATCHES
         self.lowers = False
         """Request to lower the arm regardless of temperature and time."""
         self.unloaded = False
@@ -104,7 +104,7 @@ class Guardian:
         elif (joint := language.answering(can_id)) is not None:
             answer = language.answer_of(joint, can_id, data)
             if isinstance(answer, Feedback):
-                self._motors[joint].hear(answer, language.middle[0])
+                self._motors[joint].on_feedback(answer, language.middle[0])
         elif (of := language.time_out_of(can_id, data)) is not None:
             self._motors[of[0]].alone = not of[1]
         if (joint := language.zeroed(can_id)) is not None:
@@ -113,10 +113,10 @@ class Guardian:
     def step(self, now: float) -> list[Frame]:
         """Frames that are due at `now`."""
         frames: list[Frame] = []
-        before = self.doing
+        before = self.activity
         orphans = [i for i, motor in enumerate(self._motors) if self._orphaned(motor, now)]
         if not orphans:
-            self.doing, self._held_since_s = Doing.WATCHES, None
+            self.activity, self._held_since_s = Activity.WATCHES, None
         elif now - self._commanded_s >= self._every_s:
             passed_s, self._commanded_s = now - self._commanded_s, now
             if self._held_since_s is None:
@@ -124,9 +124,9 @@ class Guardian:
             self._command(orphans, now - self._held_since_s, min(passed_s, 2.0 * self._every_s))
             frames += [(self._language.setpoints[i][0], self._motors[i].data) for i in orphans]
         # The beat goes first: the daemon must know the activity before it hears the setpoints.
-        if self.doing is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
+        if self.activity is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
             self._beaten_s = now
-            frames.insert(0, (BEAT, bytes([self.doing])))
+            frames.insert(0, (BEAT, bytes([self.activity])))
         return frames
 
     def _orphaned(self, motor: _Motor, now: float) -> bool:
@@ -141,7 +141,7 @@ class Guardian:
             for motor in (self._motors[i] for i in joints)
             if self.lowers or motor.hot or (long and not motor.alone)
         ]
-        self.doing = Doing.LOWERS if any(lowered) else Doing.HOLDS
+        self.activity = Activity.LOWERS if any(lowered) else Activity.HOLDS
         self.unloaded = bool(lowered) and not any(lowered)
         for i in joints:
             motor = self._motors[i]

@@ -12,7 +12,7 @@ from drivers.can.failures import bus_failure, error_frame
 from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, IDENTIFIER, Frame, Wire
 from drivers.event_queue import EventQueue
-from drivers.motors.guardian import BEAT, GONE_S, Doing
+from drivers.motors.guardian import BEAT, GONE_S, Activity
 from drivers.motors.language import Language
 from drivers.motors.replies import Replies
 
@@ -100,7 +100,7 @@ class Port:
         self._traffic.take(can_id, len(data), unknown=joint is None and can_id != BEAT)
         if can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
-            self.taken_over = data[0] != Doing.WATCHES
+            self.taken_over = data[0] != Activity.WATCHES
         elif joint is not None and self.taken_over:
             if (found := language.setpoint_of(joint, can_id, data)) is not None:
                 self._on_held(joint, found[0])

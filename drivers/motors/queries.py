@@ -42,7 +42,7 @@ class Queries:
                     if self.wire.receive(0.0) is None:
                         break
                 self.wire.send([question])
-                for frame in heard(self.wire, timeout_s, self.meanwhile, self.clock):
+                for frame in received_frames(self.wire, timeout_s, self.meanwhile, self.clock):
                     if (found := answer(*frame)) is not None:
                         return found
             except BUS_FAILURES as error:
@@ -50,7 +50,7 @@ class Queries:
         return None
 
 
-def heard(
+def received_frames(
     wire: Wire,
     seconds: float,
     meanwhile: Callable[[], None] = lambda: None,

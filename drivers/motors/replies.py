@@ -46,8 +46,8 @@ def drive_status(status: Status, stopping: bool) -> DriveStatus:
     )
 
 
-def news_of(before: Status, now: Status, *, let_go: bool) -> tuple[Kind | None, str]:
-    """Kind and text of the event for a changed status of a motor; let_go: it has no power by our
+def news_of(before: Status, now: Status, *, released: bool) -> tuple[Kind | None, str]:
+    """Kind and text of the event for a changed status of a motor; released: it has no power by our
     command."""
     if now == before:
         return None, ""
@@ -55,7 +55,7 @@ def news_of(before: Status, now: Status, *, let_go: bool) -> tuple[Kind | None, 
         return Kind.UNHEARD, "it missed our setpoints and went limp"
     if now.state is State.FAILED:
         return Kind.ERROR, f"{now.words} ({now.code})"
-    if before.state is State.ON and now.state is State.OFF and not let_go:
+    if before.state is State.ON and now.state is State.OFF and not released:
         return Kind.RESTARTED, "it went limp without a command"
     return None, ""
 

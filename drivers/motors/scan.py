@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Wire, digits_of
-from drivers.motors.queries import heard
+from drivers.motors.queries import received_frames
 
 LISTEN_S: Final = 0.15  # for a master
 
@@ -22,7 +22,7 @@ def scanned(
     """Motors that answer, as returned by `found`; commands: True for the identifier of a command.
     Raises BusError if a master commands motors, or the bus fails."""
     try:
-        for can_id, _ in heard(wire, LISTEN_S):
+        for can_id, _ in received_frames(wire, LISTEN_S):
             if commands(can_id):
                 seen = f"0x{digits_of(can_id).decode()} is being sent"
                 raise BusError(f"a master commands motors on this bus: {seen}")

@@ -52,12 +52,12 @@ class MotorProfile(Settings, frozen=True, kw_only=True):
         return self.models[self.model]
 
     @property
-    def patience_s(self) -> float:
+    def master_timeout_s(self) -> float:
         """Time without such a frame after which the motor goes limp [s]."""
         return self.master_timeout_ms / 1000.0
 
     @property
-    def without_us(self) -> str:
+    def timeout_reaction(self) -> str:
         """Reaction of the motor when it no longer receives our frames, as text."""
         return (
             f"without a {self.heard} for {self.master_timeout_ms} ms it goes limp, and its joint "

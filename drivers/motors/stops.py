@@ -13,8 +13,8 @@ from typing import Final
 from common.arrays import Vector
 from drivers.api import Event, Kind, PowerTarget, Samples
 from drivers.motors.language import MotorDrives
-from drivers.stopping.stop_watch import OBEYING, Seen, Stage
-from drivers.stopping.watches import REPEATS, Watches, seen_in
+from drivers.stopping.stop_watch import OBEYING, Stage, StopReading
+from drivers.stopping.watches import REPEATS, Watches, stop_reading
 
 _ON: Final = PowerTarget.ON
 _STRONGER: Final = {Stage.LAST: Kind.NOT_SEEN_TO_STOP, Stage.SILENCE: Kind.UNPROVED}
@@ -47,9 +47,9 @@ class Stops:
         targets: Sequence[PowerTarget],
         samples: Samples,
         velocity: Vector,
-        let_go: Sequence[bool],
+        released: Sequence[bool],
     ) -> list[Event]:
-        """Supervise every motor commanded to stop. velocity: (n,) wanted [rad/s]; let_go: motors
+        """Supervise every motor commanded to stop. velocity: (n,) wanted [rad/s]; released: motors
         without power by our command."""
         begun = self.watches.follow(now, samples, targets, velocity)
         found: dict[tuple[Kind, str], list[int]] = {(Kind.REPEATED_SAMPLES, REPEATS): begun}
@@ -62,7 +62,7 @@ class Stops:
                 known = self._fastest[i] if math.isnan(speed) else speed
                 watch.begin(now, Stage.SETPOINT, known)
             cut = watch.cut
-            stage = watch.step(now, self._seen(i, samples, let_go[i]))
+            stage = watch.step(now, self._seen(i, samples, released[i]))
             if stage in _STRONGER:
                 found.setdefault((_STRONGER[stage], "its setpoints continue"), []).append(i)
             if watch.cut and not cut:
@@ -74,13 +74,13 @@ class Stops:
             if joints
         ]
 
-    def _seen(self, joint: int, samples: Samples, let_go: bool) -> Seen | None:
-        if not samples.came[joint]:
+    def _seen(self, joint: int, samples: Samples, released: bool) -> StopReading | None:
+        if not samples.arrived[joint]:
             return None
         if self.watches.repeat[joint]:
             condition = samples.drives[joint].condition
-            return Seen(condition, math.nan) if condition in OBEYING else None
-        seen = seen_in(samples, joint)
+            return StopReading(condition, math.nan) if condition in OBEYING else None
+        seen = stop_reading(samples, joint)
         # A limp motor is moved by a hand or the load: the torque that it reports then is noise.
-        limp = let_go and not seen.condition.powered
+        limp = released and not seen.condition.powered
         return replace(seen, current=math.nan) if limp else seen

@@ -74,8 +74,8 @@ class RobStrideLanguage(Language):
 
     def requests_to(self, drive: RobStrideDrive) -> Sequence[Frame]:
         """Request to a motor without a setpoint."""
-        patience = round(drive.profile.patience_s / TIMEOUT_S)
-        return (write(drive.node, Parameter.TIMEOUT, patience),)
+        timeout = round(drive.profile.master_timeout_s / TIMEOUT_S)
+        return (write(drive.node, Parameter.TIMEOUT, timeout),)
 
     def is_setpoint(self, can_id: int, data: bytes | bytearray) -> bool:
         """True if a frame that commands a motor is a setpoint."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from drivers.can.wire import Wire
-from drivers.motors.queries import heard
+from drivers.motors.queries import received_frames
 from drivers.motors.scan import scanned
 from drivers.robstride.frames import (
     Kind,
@@ -46,7 +46,7 @@ def _found(wire: Wire, motor: int) -> FoundMotor | None:
     wire.send([get_id(motor)])
     uids = tuple(
         uid_of(data)
-        for can_id, data in heard(wire, ANSWER_S)
+        for can_id, data in received_frames(wire, ANSWER_S)
         if kind_of(can_id) == Kind.GET_ID and sender_of(can_id) == motor and len(data) == 8
     )
     if not uids:
@@ -58,7 +58,7 @@ def _value(wire: Wire, motor: int, parameter: Parameter) -> float:
     """Value of a parameter; NaN without an answer."""
     value = math.nan
     wire.send([read(motor, parameter)])
-    for can_id, data in heard(wire, ANSWER_S):
+    for can_id, data in received_frames(wire, ANSWER_S):
         if kind_of(can_id) == Kind.READ and sender_of(can_id) == motor:
             found = read_value(parameter, can_id, data)
             value = value if found is None else found

@@ -70,7 +70,7 @@ class Stage(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class StopReading:
     """Fresh reading of a drive that is to stop, in SI units at the link; NaN if not read."""
 
     condition: DriveCondition
@@ -89,7 +89,7 @@ class StopBounds:
     current: float  # its limit [A]
     travel: float  # of its joint, from the first stop command on [rad]
     play: float  # between link and motor [rad]
-    patience_s: float  # master timeout, after which it stops by itself
+    master_timeout_s: float  # after which it stops by itself
     ticks: int  # of each stage
     period_s: float
     falls: bool = False  # its joint falls without power: cutting it needs evidence of two sensors
@@ -169,7 +169,7 @@ class StopWatch:
         """Let it run: end the watch."""
         self.stage, self.proved, self.cut, self.moves = Stage.NONE, False, False, False
 
-    def step(self, now: float, seen: Seen | None) -> Stage | None:
+    def step(self, now: float, seen: StopReading | None) -> Stage | None:
         """Evaluate the reading since the last tick (None: nothing fresh), after `begin`. Returns
         the stage that begins in this tick, or None."""
         dt, self._now_s = now - self._now_s, now
@@ -200,21 +200,21 @@ class StopWatch:
 
     # --- evidence of standstill --------------------------------------------------------------
 
-    def _measured(self, now: float, seen: Seen) -> Seen:
+    def _measured(self, now: float, seen: StopReading) -> StopReading:
         """Pass a reading to its witness; return it without velocity if it was not measured."""
         witness = self._witness(seen)
         witness.take(now, seen.velocity, seen.current, seen.position, seen.motor)
-        return Seen(seen.condition, math.nan, asked=seen.asked) if witness.repeats else seen
+        return StopReading(seen.condition, math.nan, asked=seen.asked) if witness.repeats else seen
 
-    def _witness(self, seen: Seen) -> Witness:
+    def _witness(self, seen: StopReading) -> Witness:
         return self._asked if seen.asked else self.witness
 
-    def _complete(self, seen: Seen) -> bool:
+    def _complete(self, seen: StopReading) -> bool:
         """True if a reading covers every sensor of the drive."""
         motor = self.witness.motor.known and math.isnan(seen.motor)
         return not (math.isnan(seen.velocity) or math.isnan(seen.position) or motor)
 
-    def _judge(self, now: float, seen: Seen) -> None:
+    def _judge(self, now: float, seen: StopReading) -> None:
         """Update the proof of standstill."""
         self._powered = seen.condition.powered
         self.moves = abs(seen.velocity) >= MOVES and self._powered
@@ -242,12 +242,12 @@ class StopWatch:
             self._needed = min(max(2 * self._needed, STILL_AGAIN), STILL_MOST)
             self._left_s, self._left_speed, self._lowest_speed = now, abs(seen.velocity), math.inf
 
-    def _has_left(self, now: float, seen: Seen) -> bool:
+    def _has_left(self, now: float, seen: StopReading) -> bool:
         """True if it left its standstill position; its link may fall within the gap."""
         gone = abs(seen.position - self._stood) > LEEWAY * self._bounds.play + LEFT_RAD
         return gone or self._witness(seen).motor_moves(now, self._stood_s)
 
-    def _stops(self, now: float, seen: Seen) -> bool:
+    def _stops(self, now: float, seen: StopReading) -> bool:
         """True if it decelerates along the ramp."""
         deceleration = RAMP_SHARE * self._bounds.deceleration
         ramp_s = now - self._left_s - RAMP_LAG_S
@@ -258,14 +258,14 @@ class StopWatch:
         self._lowest_speed = min(self._lowest_speed, speed)
         return falls or speed <= max(bound, SWINGS if swings else STANDS)
 
-    def _resists(self, seen: Seen) -> bool:
+    def _resists(self, seen: StopReading) -> bool:
         """True if it brakes near its current limit, against a push or oscillation: no evidence."""
         against = -math.copysign(1.0, seen.velocity) * seen.current
         return against >= RESISTING_SHARE * self._bounds.current
 
     # --- distance travelled ------------------------------------------------------------------
 
-    def _follow(self, seen: Seen | None, dt: float) -> None:
+    def _follow(self, seen: StopReading | None, dt: float) -> None:
         """Track the distance travelled: by its sensors, or else by the last known speed, reduced
         along the ramp if the drive was recently observed to obey."""
         if seen is None or math.isnan(seen.velocity):
@@ -275,7 +275,7 @@ class StopWatch:
         positions = seen.position, seen.motor
         self._distance.take(dt, seen.velocity, seen.current, positions, resists=self._resisting)
 
-    def _beyond_travel(self, seen: Seen | None) -> bool:
+    def _beyond_travel(self, seen: StopReading | None) -> bool:
         """True if it was beyond its travel for a stage, while running on or by its own power."""
         if seen is not None:
             # A pushed drive would go further without power.
@@ -291,7 +291,7 @@ class StopWatch:
             return False
         bounds, v = self._bounds, self.speed
         stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.DIRECT else 0.0
-        left_s = bounds.patience_s + stage_s
+        left_s = bounds.master_timeout_s + stage_s
         gone = self._distance.gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)
 

@@ -7,8 +7,8 @@ from typing import Any, Final
 from common.arrays import Vector
 from drivers.api import PowerTarget, Samples
 from drivers.drive import Drive
-from drivers.stopping.stop_watch import Seen, StopBounds, StopWatch
-from drivers.stopping.travel import least_patience_s, stage_ticks, worst_travel
+from drivers.stopping.stop_watch import StopBounds, StopReading, StopWatch
+from drivers.stopping.travel import least_master_timeout_s, stage_ticks, worst_travel
 
 REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
 
@@ -20,9 +20,9 @@ class Watches:
         self, drives: Sequence[Drive[Any]], period_s: float, *, falls: bool = False
     ) -> None:
         """falls: the joints fall when their power is cut."""
-        ticks = stage_ticks(least_patience_s(drives), period_s)
+        ticks = stage_ticks(least_master_timeout_s(drives), period_s)
         # From the first stop command on: the fault has been detected by then.
-        travels = worst_travel(drives, period_s, noticing_s=0.0)
+        travels = worst_travel(drives, period_s, detection_s=0.0)
         self.each = [
             StopWatch(
                 StopBounds(
@@ -30,7 +30,7 @@ class Watches:
                     current=drive.wiring.max_current_A,
                     travel=travel.total,
                     play=drive.play,
-                    patience_s=drive.profile.patience_s,
+                    master_timeout_s=drive.profile.master_timeout_s,
                     ticks=ticks,
                     period_s=period_s,
                     falls=falls,
@@ -61,7 +61,7 @@ class Watches:
         motors = samples.motor_position
         columns = zip(
             self.each,
-            samples.came.tolist(),
+            samples.arrived.tolist(),
             samples.motor_velocity.tolist(),
             samples.current.tolist(),
             samples.link_position.tolist(),
@@ -90,10 +90,10 @@ class Watches:
             watch.witness = old.witness
 
 
-def seen_in(samples: Samples, joint: int) -> Seen:
+def stop_reading(samples: Samples, joint: int) -> StopReading:
     """Reading of one drive from the samples of the arm."""
     motors = samples.motor_position
-    return Seen(
+    return StopReading(
         samples.drives[joint].condition,
         float(samples.motor_velocity[joint]),
         float(samples.current[joint]),

@@ -11,7 +11,7 @@ from typing import Self, TypeVar
 import msgspec
 
 from common.errors import ControlError, TrajectoryError
-from contactd_client.connection import ANSWER_S, Connection, patience_s
+from contactd_client.connection import ANSWER_S, Connection, command_timeout_s
 from contactd_client.paths import usual_socket_path
 from daemon.motion.trajectory_file import refuse_shapes, rows_of, slopes
 from daemon.protocol.bounds import PLAUSIBLE
@@ -66,8 +66,8 @@ class Client:
 
     def ask(self, request: Request) -> Reply:
         """Send a request with arguments and wait for the reply, which may be a refusal."""
-        patience = patience_s(request.command, self._timeout_s)
-        answer = self._connection.exchange(msgspec.json.encode(request), patience)
+        timeout = command_timeout_s(request.command, self._timeout_s)
+        answer = self._connection.exchange(msgspec.json.encode(request), timeout)
         return decoded(self._replies, answer)
 
     def demand(self, command: Command) -> Reply:

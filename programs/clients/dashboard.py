@@ -24,7 +24,7 @@ from programs.clients.styles import (
     clock,
     drive_text,
     not_seen_to_stand,
-    strain_style,
+    residual_style,
 )
 
 SHOWN_LAG_S = 0.5
@@ -168,7 +168,7 @@ class Dashboard:
                 gap_bar(state.phi[i], self.snapshot.half_gap[i], 4 if wide else 3),
                 Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
                 residual_bar(residual, threshold, 7 if wide else 5, ascii_only),
-                Text(f"{residual:+.2f}", strain_style(residual, threshold)),
+                Text(f"{residual:+.2f}", residual_style(residual, threshold)),
                 f"{threshold:.2f}",
             ]
             if beside:
@@ -224,7 +224,7 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
     marks = [mark if i == round(half_width / 2) else " " for i in range(1, half_width + 1)]
     side = full * filled + "".join(marks[filled:])
     other = "".join(marks)
-    style = strain_style(residual, threshold)
+    style = residual_style(residual, threshold)
     bar = Text()
     if residual < 0.0:
         return bar.append(side[::-1], style).append(middle).append(other, "dim")

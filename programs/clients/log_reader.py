@@ -75,7 +75,7 @@ def read_log(
                         if states % PROGRESS_STATES == 0:
                             progress(stream.tell() / size)
                     yield message
-        except BrokenError as error:
+        except DamagedFileError as error:
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
@@ -137,16 +137,16 @@ def holds_a_state(path: Path) -> bool:
 
 
 def _joints_of(message: Snapshot | State, before: int) -> int:
-    """Number of joints after a message. Raises BrokenError for a State with another number of
+    """Number of joints after a message. Raises DamagedFileError for a State with another number of
     values, and for a joint's name that is not printable."""
     if isinstance(message, Snapshot):
         if odd := [name for name in message.joints if not name or name != printable(name)]:
-            raise BrokenError(f"is damaged: {odd[0]!r} is no joint name")
+            raise DamagedFileError(f"is damaged: {odd[0]!r} is no joint name")
         return len(message.joints)
     for field in PER_JOINT:
         values = getattr(message, field)
         if values is not None and len(values) != before:
-            raise BrokenError(
+            raise DamagedFileError(
                 f"is damaged in tick {message.tick}: {len(values)} values of {field} for {before} "
                 "joints"
             )
@@ -159,20 +159,20 @@ def _refuse_other_format(path: Path, snapshot: bytes) -> None:
 
 
 def _topic(message: Message, topics: Mapping[int, str]) -> str:
-    """Topic of a message. Raises BrokenError for an unknown channel."""
+    """Topic of a message. Raises DamagedFileError for an unknown channel."""
     if message.channel_id not in topics:
-        raise BrokenError(f"is damaged: no channel {message.channel_id}")
+        raise DamagedFileError(f"is damaged: no channel {message.channel_id}")
     return topics[message.channel_id]
 
 
-class BrokenError(Exception):
+class DamagedFileError(Exception):
     """Error of a damaged file; `read_log` adds how far it was read."""
 
 
 def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterator[Any]:
     """Records of an MCAP file; with `ours`, only of a recording of contactd.
 
-    Raises BrokenError for any failure of the library, LogError if it is no such file.
+    Raises DamagedFileError for any failure of the library, LogError if it is no such file.
     """
     begin = stream.read(len(MAGIC))
     if not begin:
@@ -190,8 +190,8 @@ def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterato
             return
         except Exception as error:  # the library raises nearly any exception on garbage
             if stream.tell() >= size:
-                raise BrokenError("ends in the middle") from error
-            raise BrokenError(f"is damaged ({error})") from error
+                raise DamagedFileError("ends in the middle") from error
+            raise DamagedFileError(f"is damaged ({error})") from error
         if ours and isinstance(found, Header) and found.profile != PROFILE:
             raise LogError(f"{path} is an MCAP file, but not a recording of contactd")
         yield found

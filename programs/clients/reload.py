@@ -3,7 +3,7 @@
 from contextlib import suppress
 from pathlib import Path
 
-from common.errors import ControlError, HungUpError
+from common.errors import ClosedError, ControlError
 from daemon.protocol.replies import Status
 from programs.clients.client import Client
 from programs.clients.waiting import asked_until
@@ -21,7 +21,7 @@ def reload(path: Path | None = None) -> Status:
     """
     with Client(path, START_S) as client:
         client.demand("reload")
-        with suppress(HungUpError):
+        with suppress(ClosedError):
             client.packet()  # none comes: the daemon hangs up once it has ended its run
     found = wait_for_start(path)
     if found.not_taken_up:

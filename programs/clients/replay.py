@@ -68,19 +68,19 @@ class Replay:
 
 def replay(
     path: Path,
-    heed: Callable[[Snapshot | list[State]], None] = lambda batch: None,
+    on_batch: Callable[[Snapshot | list[State]], None] = lambda batch: None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Replay:
     """Compare the States of `path` with the present estimator's results on their samples.
 
-    `heed` is called with all that is read. Nothing is compared if another version of the estimator
-    made the recording. Raises LogError if there is nothing to read; a truncated recording is
-    compared as far as it is intact.
+    `on_batch` is called with all that is read. Nothing is compared if another version of the
+    estimator made the recording. Raises LogError if there is nothing to read; a truncated
+    recording is compared as far as it is intact.
     """
     run = _Run(path)
 
     def take(batch: Snapshot | list[State]) -> None:
-        heed(batch)
+        on_batch(batch)
         if isinstance(batch, Snapshot):
             run.restart(batch)
         else:

@@ -20,7 +20,7 @@ from programs.clients.styles import (
     clock,
     drive_text,
     not_seen_to_stand,
-    strain_style,
+    residual_style,
 )
 from programs.clients.user_names import user_name
 from programs.clients.wrench import wrench_words
@@ -203,7 +203,7 @@ def _joints(status: Status) -> RenderableType:
         table.add_row(
             Text(joint),
             f"{position:+.3f}",
-            Text(f"{residual:+.2f}", strain_style(residual, threshold)),
+            Text(f"{residual:+.2f}", residual_style(residual, threshold)),
             f"{threshold:.2f}",
             Text(side, SIDE_STYLES.get(side, "")),
             Text(str(age), "yellow" if age else "dim"),

@@ -31,7 +31,7 @@ def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
     return Text("\n".join(lines), "bold red")
 
 
-def strain_style(residual: float, threshold: float) -> str:
+def residual_style(residual: float, threshold: float) -> str:
     """Style of a residual: green, yellow from half the threshold on, red beyond it."""
     if abs(residual) > threshold:
         return "bold red"

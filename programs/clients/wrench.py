@@ -33,19 +33,19 @@ def force_words(force: Sequence[float], frame: str, bound: str = "") -> str:
     return f"{hypot(*force):.0f} N{bound}, towards {_towards(_unit(force))} of {frame}"
 
 
-def bound_N(wrench: Wrench, way: list[float]) -> float:
+def bound_N(wrench: Wrench, direction: list[float]) -> float:
     """Half-width of the 95 % confidence interval of the force along a unit vector (3,) [N]."""
     xx, xy, xz, yy, yz, zz = wrench.covariance
-    x, y, z = way
+    x, y, z = direction
     variance = xx * x * x + yy * y * y + zz * z * z
     variance += 2.0 * (xy * x * y + xz * x * z + yz * y * z)
     return _BOUND * sqrt(max(variance, 0.0))
 
 
-def most_aside_N(wrench: Wrench, way: list[float]) -> float:
+def most_aside_N(wrench: Wrench, direction: list[float]) -> float:
     """Largest such half-width among directions perpendicular to a unit vector (3,) [N]."""
-    least = min(range(3), key=lambda axis: abs(way[axis]))
-    x, y, z = way
+    least = min(range(3), key=lambda axis: abs(direction[axis]))
+    x, y, z = direction
     axis = [float(k == least) for k in range(3)]
     first = _unit([y * axis[2] - z * axis[1], z * axis[0] - x * axis[2], x * axis[1] - y * axis[0]])
     u, v, w = first
@@ -57,13 +57,13 @@ def most_aside_N(wrench: Wrench, way: list[float]) -> float:
     return max(bound_N(wrench, one) for one in across)
 
 
-def _unit(way: Sequence[float]) -> list[float]:
-    size = hypot(*way)
-    return [part / size for part in way]
+def _unit(direction: Sequence[float]) -> list[float]:
+    size = hypot(*direction)
+    return [part / size for part in direction]
 
 
-def _towards(way: list[float]) -> str:
-    for axis, part in zip(AXES, way, strict=True):
+def _towards(direction: list[float]) -> str:
+    for axis, part in zip(AXES, direction, strict=True):
         if abs(part) > _ALONG_AN_AXIS:
             return ("-" if part < 0.0 else "+") + axis
-    return "(" + " ".join(f"{round(part, 1) + 0.0:.1f}" for part in way) + ")"
+    return "(" + " ".join(f"{round(part, 1) + 0.0:.1f}" for part in direction) + ")"

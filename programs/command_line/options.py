@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from common.errors import ContactdError, LogError
-from programs.command_line.sentences import could_not_say, read_to_the_end, say
+from programs.command_line.sentences import read_to_the_end, say, write_failure
 
 if TYPE_CHECKING:
     from programs.clients.client import Client
@@ -143,7 +143,7 @@ class Listing(click.Group):
         return super().resolve_command(ctx, args)
 
 
-class InOrder(Listing):
+class OrderedGroup(Listing):
     """Group that lists its commands in the order of definition, which is that of use."""
 
     command_class = Signed
@@ -153,7 +153,7 @@ class InOrder(Listing):
         return list(self.commands)
 
 
-class Group(InOrder):
+class Group(OrderedGroup):
     """Group that reports a ContactdError in one line on stderr with its exit status."""
 
     command_class = Command
@@ -172,7 +172,7 @@ class Group(InOrder):
             word = error.object[max(error.start - 40, 0) : error.start + 40]
             raise click.UsageError(f"{word!r} is not {error.encoding} text", ctx) from error
         except OSError as error:
-            if not (text := could_not_say(error)):
+            if not (text := write_failure(error)):
                 raise
             say(f"contactctl: {text}", err=True)
             ctx.exit(LogError.exit_code)

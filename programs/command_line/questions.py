@@ -9,18 +9,18 @@ from contextlib import suppress
 import click
 
 
-def sure(question: str) -> bool:
+def confirmed(question: str) -> bool:
     """True if the answer is yes; just Enter means no."""
-    _forget_what_was_typed()
+    _discard_typed()
     return click.confirm(question)
 
 
 def choice(question: str, among: Sequence[str]) -> str:
     """One of several answers."""
-    _forget_what_was_typed()
+    _discard_typed()
     return str(click.prompt(question, type=click.Choice(among)))
 
 
-def _forget_what_was_typed() -> None:
+def _discard_typed() -> None:
     with suppress(termios.error, OSError, ValueError):  # stdin is no terminal, or closed
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

@@ -24,7 +24,7 @@ def say(text: str, *, err: bool = False, dim: bool = False) -> None:
     click.echo(click.style(text, dim=True) if dim else text, err=err)
 
 
-def could_not_say(error: OSError) -> str:
+def write_failure(error: OSError) -> str:
     """Reason why output could not be written if the disk is full (`> /dev/full`); empty for other
     errors, and for errors of named files."""
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):

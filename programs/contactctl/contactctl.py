@@ -25,7 +25,7 @@ from programs.contactctl.replies import (
     carry_out,
     print_json,
     take_up_changes,
-    until_it_senses,
+    wait_until_sensing,
 )
 
 
@@ -68,7 +68,7 @@ def enable(options: Options, no_wait: bool) -> None:
     take_up_changes(options)
     carry_out(options, "enable", wait=not no_wait)
     if not no_wait:
-        until_it_senses(options)
+        wait_until_sensing(options)
 
 
 @main.command()

@@ -33,7 +33,7 @@ class LeaderError(ControlError):
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SentTarget:
     """One target of a source: pose [rad], velocity [rad/s] or None, and the source's time [s]."""
 
     q: list[float]
@@ -101,7 +101,7 @@ def _moving(options: Options) -> str:
     return f"not seen to stand: {', '.join(unproved)}; {IF_IT_MOVES}; " if unproved else ""
 
 
-def _send(source: Iterator[Sent], stream: "Stream") -> None:
+def _send(source: Iterator[SentTarget], stream: "Stream") -> None:
     """Send the targets of a source, print changes of phase and new warnings, and rejoin when Enter
     is pressed."""
     shown, warned = "", 0
@@ -153,7 +153,7 @@ def _entered() -> bool:
 
 def _of_file(
     file: "TrajectoryFile", status: "Status", rate_hz: float, joined: Callable[[], bool]
-) -> Iterator[Sent]:
+) -> Iterator[SentTarget]:
     """Targets from a trajectory: its first pose until the arm has joined, then at its own speed;
     joints that it does not name keep their positions."""
     places = [status.joints.index(joint) for joint in file.joints]
@@ -167,12 +167,12 @@ def _of_file(
         q = list(status.link_position)
         for place, value in zip(places, file.at(file.times[0] + sent_s - begins_s), strict=True):
             q[place] = value
-        yield Sent(q, None, sent_s)
+        yield SentTarget(q, None, sent_s)
         if sent_s - begins_s > span_s + REST_S:
             return
 
 
-def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[Sent]:
+def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[SentTarget]:
     """Targets from the poses that another arm's daemon publishes. Raises LeaderError."""
     from contactd_client.client import Client
 
@@ -184,7 +184,7 @@ def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[Sent]
             snapshot, states = client.states()
             _refuse_others(snapshot["joints"], joints)
             for state in states:
-                yield Sent(state["link_position"], state["link_velocity"], state["time_s"])
+                yield SentTarget(state["link_position"], state["link_velocity"], state["time_s"])
     except ControlError as error:
         raise LeaderError(f"leader {socket}: {error}") from error
 

@@ -17,7 +17,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.bounds import FASTEST, SLOWEST
 from programs.command_line.destination import destination
 from programs.command_line.options import Command, Options, Range
-from programs.command_line.questions import sure
+from programs.command_line.questions import confirmed
 from programs.command_line.sentences import say
 from programs.contactctl.replies import (
     NOT_REACHED_ON_ITS_WAY,
@@ -30,7 +30,7 @@ from programs.contactctl.replies import (
 )
 
 if TYPE_CHECKING:
-    from daemon.protocol.replies import Reply, Way
+    from daemon.protocol.replies import PlannedPath, Reply
     from programs.clients.client import Client
 
 # Tolerance within which a joint counts as arrived: what friction may leave, and no more [rad].
@@ -102,7 +102,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
             say(in_words(reply.way))
             for warning in reply.warnings:
                 say(f"  warning: {warning}", err=True)
-    if not yes and not sure("Move the arm?"):
+    if not yes and not confirmed("Move the arm?"):
         raise click.Abort
     with _interrupted() as interrupted, options.connect() as client:
         start = reply.way.start
@@ -118,21 +118,21 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
     answer(options, ended)
 
 
-def in_words(way: "Way") -> str:
+def in_words(path: "PlannedPath") -> str:
     """Table of the path, a line for each joint that moves, and which collisions are checked."""
     lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
-    joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
+    joints = zip(path.joints, path.start, path.goal, path.speed, strict=True)
     for name, start, goal, speed in joints:
         if abs(goal - start) >= VISIBLE_RAD:
             figures = f"{start:8.3f} {goal:8.3f} {goal - start:+9.3f} {speed:9.3f}"
-            lines.append(f"{name:16} {figures} {way.duration_s:5.1f} s")
+            lines.append(f"{name:16} {figures} {path.duration_s:5.1f} s")
     if len(lines) == 1:
-        return f"{way.name}: the arm is there already"
+        return f"{path.name}: the arm is there already"
     lines.append("rad and rad/s; all joints start and arrive together, other joints do not move.")
-    return "\n".join([*lines, SHAPES_CHECKED if way.shapes else NO_COLLISION_CHECK])
+    return "\n".join([*lines, SHAPES_CHECKED if path.shapes else NO_COLLISION_CHECK])
 
 
-def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":
+def _wait(client: "Client", path: "PlannedPath", interrupted: Callable[[], bool]) -> "Reply | None":
     """Reply on where the motion ended, once the mode is one of RESTING; None when interrupted.
     Keeps waiting while a person guides the arm."""
     from daemon.protocol.replies import Reply
@@ -140,7 +140,7 @@ def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Rep
     while not interrupted():
         now = client.ask_status()
         if now.mode in RESTING:
-            places = zip(way.joints, now.link_position, way.goal, strict=True)
+            places = zip(path.joints, now.link_position, path.goal, strict=True)
             far = [
                 f"{name} is at {q:.3f} rad, {abs(q - goal):.3f} rad from {goal:.3f}"
                 for name, q, goal in places
@@ -149,7 +149,7 @@ def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Rep
             done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and not far
             text = f"{now.mode}: {now.cause}" if done else f"not arrived: {now.mode}, {now.cause}"
             reasons = [] if done else now.advice.splitlines() or far
-            return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=way)
+            return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=path)
         time.sleep(POLL_S)
     return None
 

@@ -11,9 +11,9 @@ import click
 
 from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
-from programs.command_line.options import PATH, InOrder, Range, Signed
+from programs.command_line.options import PATH, OrderedGroup, Range, Signed
 
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 AXES = ("x", "y", "z")
 
 
@@ -37,20 +37,20 @@ class Measure(click.ParamType):  # type: ignore[type-arg]
         return float(found[1])
 
 
-def ask_hand(door: Path, act: dict[str, Any]) -> str:
+def ask_hand(path: Path, act: dict[str, Any]) -> str:
     """Send an action to the simulated hand, and return its answer. Raises UnreachableError if no
     simulator listens, ControlError if it refuses."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(PATIENCE_S)
+        connection.settimeout(TIMEOUT_S)
         try:
-            connection.connect(str(door))
+            connection.connect(str(path))
             connection.sendall(json.dumps({"at_s": 0.0, **act}).encode() + b"\n")
             with connection.makefile() as answers:
                 answer = json.loads(answers.readline())
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
             raise UnreachableError(
-                f"no simulated hand answers at {door}: {why}; is `contactd simulate` running, with "
+                f"no simulated hand answers at {path}: {why}; is `contactd simulate` running, with "
                 f"that --hand-socket? Without it both use {default_hand_path()}; a real arm has no "
                 "simulated hand"
             ) from error
@@ -59,37 +59,37 @@ def ask_hand(door: Path, act: dict[str, Any]) -> str:
     return str(answer["text"])
 
 
-def _take_door(ctx: click.Context, _: click.Parameter, given: Path | None) -> None:
+def _take_path(ctx: click.Context, _: click.Parameter, given: Path | None) -> None:
     ctx.obj = given or ctx.obj
 
 
-def door_option() -> click.Option:
+def socket_path_option() -> click.Option:
     """Option --hand-socket, allowed before or after a command."""
     return click.Option(
-        ["--hand-socket", "door"],
+        ["--hand-socket", "path"],
         type=PATH,
         metavar="PATH",
         help="The simulator's socket, instead of the default.",
-        callback=_take_door,
+        callback=_take_path,
         expose_value=False,
     )
 
 
-class Touch(Signed):
+class HandCommand(Signed):
     """Command of the hand, with --hand-socket."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        self.params.append(door_option())
+        self.params.append(socket_path_option())
 
 
-class Touches(InOrder):
+class HandCommands(OrderedGroup):
     """Group of the hand's commands."""
 
-    command_class = Touch
+    command_class = HandCommand
 
 
-@click.group(cls=Touches, params=[door_option()])
+@click.group(cls=HandCommands, params=[socket_path_option()])
 @click.pass_context
 def hand(context: click.Context) -> None:
     """Touch a simulated arm, live: control the hand in `contactd simulate`.
@@ -105,8 +105,8 @@ _JOINT = click.argument("joint")
 _TORQUE = click.argument("torque", type=Measure("Nm"))
 
 
-def _do(door: Path, **act: Any) -> None:
-    click.echo(ask_hand(door, act))
+def _do(path: Path, **act: Any) -> None:
+    click.echo(ask_hand(path, act))
 
 
 @hand.command(context_settings=_SIGNED)
@@ -114,18 +114,18 @@ def _do(door: Path, **act: Any) -> None:
 @_TORQUE
 @click.option("--seconds", type=Range(min=0.01, max=600), default=0.5, show_default=True)
 @click.pass_obj
-def push(door: Path, joint: str, torque: float, seconds: float) -> None:
+def push(path: Path, joint: str, torque: float, seconds: float) -> None:
     """Push JOINT with TORQUE for some time."""
-    _do(door, act="push", joint=joint, torque=torque, duration_s=seconds, shape="pulse")
+    _do(path, act="push", joint=joint, torque=torque, duration_s=seconds, shape="pulse")
 
 
 @hand.command(context_settings=_SIGNED)
 @_JOINT
 @_TORQUE
 @click.pass_obj
-def lean(door: Path, joint: str, torque: float) -> None:
+def lean(path: Path, joint: str, torque: float) -> None:
     """Lean on JOINT with TORQUE, until `release`."""
-    _do(door, act="lean", joint=joint, torque=torque)
+    _do(path, act="lean", joint=joint, torque=torque)
 
 
 @hand.command(context_settings=_SIGNED)
@@ -133,9 +133,9 @@ def lean(door: Path, joint: str, torque: float) -> None:
 @click.argument("force", type=Measure("N", -500.0, 500.0))
 @click.option("--seconds", type=Range(min=0.01, max=600), help="Without it until `release`.")
 @click.pass_obj
-def press(door: Path, axis: str, force: float, seconds: float | None) -> None:
+def press(path: Path, axis: str, force: float, seconds: float | None) -> None:
     """Press the tool with FORCE along AXIS (x, y or z) of the URDF's last link."""
-    _do(door, act="press", force=[force * (one == axis) for one in AXES], duration_s=seconds)
+    _do(path, act="press", force=[force * (one == axis) for one in AXES], duration_s=seconds)
 
 
 @hand.command(context_settings=_SIGNED)
@@ -149,9 +149,9 @@ def press(door: Path, axis: str, force: float, seconds: float | None) -> None:
     help="Largest torque; by default a fifth of the motor's, and no more than 4 Nm.",
 )
 @click.pass_obj
-def lead(door: Path, joint: str, position: float, speed: float, torque: float | None) -> None:
+def lead(path: Path, joint: str, position: float, speed: float, torque: float | None) -> None:
     """Grip JOINT, lead it to POSITION, and hold it there until `release`."""
-    _do(door, act="guide", to={joint: position}, speed=speed, max_torque=torque)
+    _do(path, act="guide", to={joint: position}, speed=speed, max_torque=torque)
 
 
 @hand.command()
@@ -161,17 +161,17 @@ def lead(door: Path, joint: str, position: float, speed: float, torque: float | 
 )
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj
-def gap(door: Path, joint: str, torque: float | None, times: int) -> None:
+def gap(path: Path, joint: str, torque: float | None, times: int) -> None:
     """Move JOINT's link between the edges of its gap, for `contactd identify gap --by-hand`."""
-    _do(door, act="gap", joint=joint, torque=torque, times=times)
+    _do(path, act="gap", joint=joint, torque=torque, times=times)
 
 
 @hand.command()
 @click.argument("joints", nargs=-1, required=True, metavar="JOINT...")
 @click.pass_obj
-def clamp(door: Path, joints: tuple[str, ...]) -> None:
+def clamp(path: Path, joints: tuple[str, ...]) -> None:
     """Clamp joints where they are by something hard, until `release`."""
-    _do(door, act="clamp", joints=list(joints))
+    _do(path, act="clamp", joints=list(joints))
 
 
 @hand.command(context_settings=_SIGNED)
@@ -184,13 +184,13 @@ def clamp(door: Path, joints: tuple[str, ...]) -> None:
     help="Its centre of mass in the frame of the URDF's last link [m].  [default: the tool point]",
 )
 @click.pass_obj
-def carry(door: Path, mass: float, com: tuple[float, float, float] | None) -> None:
+def carry(path: Path, mass: float, com: tuple[float, float, float] | None) -> None:
     """Put MASS into the arm's hand; 0 takes it away."""
-    _do(door, act="give", mass=mass, com=com)
+    _do(path, act="give", mass=mass, com=com)
 
 
 @hand.command()
 @click.pass_obj
-def release(door: Path) -> None:
+def release(path: Path) -> None:
     """Let go of the arm; what it carries stays."""
-    _do(door, act="release")
+    _do(path, act="release")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from common.errors import HungUpError, UnreachableError
+from common.errors import ClosedError, UnreachableError
 from common.new_file import refuse_suffix
 from contactd_client.connection import ANSWER_S
 from daemon.modes.table import SENSING
@@ -123,7 +123,7 @@ def show_live(options: Options) -> NoReturn:
     with Live(screen=True, auto_refresh=False) as live:
         try:
             while True:
-                with client, suppress(HungUpError):
+                with client, suppress(ClosedError):
                     draw_all(live)
                 hung_up = f"the daemon hung up: it ends, or reloads its files{last}"
                 live.update(hung_up, refresh=True)

@@ -64,7 +64,7 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
     answer(options, reply)
 
 
-def until_it_senses(options: Options) -> None:
+def wait_until_sensing(options: Options) -> None:
     """Wait until every joint of a holding arm has sensed contact for as long as `arm` requires, at
     most SENSING_WAIT_S; `arm` will name a joint that does not."""
     from programs.clients.sensing import sensing_for_s

@@ -6,7 +6,7 @@ import click
 
 from common.errors import LogError, UnreachableError
 from common.regular_file import open_regular
-from contactd_client.paths import how_to_be_let_in, usual_socket_path
+from contactd_client.paths import access_advice, usual_socket_path
 from daemon.service.black_box import default_directory, ring_path
 from daemon.service.black_box_log import new_log, save_left_over, write_context, write_log
 from drivers.can.frame_ring import read_frames
@@ -16,7 +16,7 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
     """Write a log and print its path. Raises LogError; UnreachableError if this user may not."""
     path, directory = ring_path(socket or usual_socket_path()), default_directory()
     if not _open_to_us(path):
-        raise UnreachableError(how_to_be_let_in(path))
+        raise UnreachableError(access_advice(path))
     if left_over:
         # Silent if nothing was saved: in the journal this line follows the reason for the exit.
         if saved := save_left_over(path, directory):

@@ -22,7 +22,7 @@ from drivers.can.wire import IDENTIFIER
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
-from programs.contactd.check_drives import add_alike, drives_in_words, new_table, remark
+from programs.contactd.check_drives import add_merged, drives_in_words, new_table, remark
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.explanations import explain
 from programs.contactd.travels import travels
@@ -128,9 +128,9 @@ def _say_alone(c: Configuration) -> None:
     """Report each drive profile's behaviour without the master, grouped where it is the same."""
     alone: dict[str, list[str]] = {}
     for name, profile in c.drives.items():
-        alone.setdefault(profile.without_us, []).append(name)
-    for without_us, names in alone.items():
-        say(f"{', '.join(names)}: {without_us}")
+        alone.setdefault(profile.timeout_reaction, []).append(name)
+    for timeout_reaction, names in alone.items():
+        say(f"{', '.join(names)}: {timeout_reaction}")
 
 
 def _print_bus(console: Console, c: Configuration) -> None:
@@ -192,7 +192,7 @@ def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the lower bound that learning respects, and the source."""
     table = new_table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
     levels = zip(c.joints, c.least_levels, strict=True)
-    add_alike(
+    add_merged(
         table,
         ((joint.name, f"{joint.thresholds.contact:g}", f"{least:.4g}", source(joint, found))
          for joint, least in levels),
@@ -211,7 +211,7 @@ def _travels(c: Configuration) -> Table:
     )
     rows = []
     for drive, travel in zip(c.joint_drives, travels(c), strict=True):
-        parts = (travel.noticing, travel.stages, travel.patience, travel.braking)
+        parts = (travel.detection, travel.stages, travel.master_timeout, travel.braking)
         rows.append((
             drive.name,
             f"{drive.velocity:g}",
@@ -219,9 +219,10 @@ def _travels(c: Configuration) -> Table:
             *(f"{part:.3f}" for part in parts),
             f"{travel.total:.3f}",
             f"{travel.own:.3f}",
-            f"{travel.patience + travel.braking:.3f}" if drive.profile.stops_alone else "falls",
+            f"{travel.master_timeout + travel.braking:.3f}"
+            if drive.profile.stops_alone else "falls",
         ))  # fmt: skip
-    add_alike(table, rows)
+    add_merged(table, rows)
     return table
 
 

@@ -90,7 +90,7 @@ def _motors(c: Configuration) -> Table:
     return table
 
 
-def add_alike(table: Table, rows: Iterable[tuple[str, ...]]) -> None:
+def add_merged(table: Table, rows: Iterable[tuple[str, ...]]) -> None:
     """Add rows of joints in order; merge consecutive rows with equal cells if the merged label is
     short enough."""
     for cells, alike in itertools.groupby(rows, key=lambda row: row[1:]):

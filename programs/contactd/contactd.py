@@ -13,7 +13,7 @@ from common.compiled import refuse_stale
 from common.errors import ContactdError, LogError, ProgramError
 from common.numeric_threads import single_threaded
 from programs.command_line.options import PATH, SOCKET, Listing, Range
-from programs.command_line.sentences import could_not_say, read_to_the_end, say
+from programs.command_line.sentences import read_to_the_end, say, write_failure
 from programs.contactd import recordings
 from programs.contactd.fleet import fleet
 from programs.contactd.new_command import new
@@ -54,7 +54,7 @@ class _Group(Listing):
         except KeyboardInterrupt:
             ctx.exit(ENDED_BY_CTRL_C)
         except Exception as error:
-            if isinstance(error, OSError) and (text := could_not_say(error)):
+            if isinstance(error, OSError) and (text := write_failure(error)):
                 say(f"contactd: {text}", err=True)
                 ctx.exit(LogError.exit_code)
             click.echo(traceback.format_exc(), err=True, nl=False)

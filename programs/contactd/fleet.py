@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: Every arm publishes at least once a second; longest wait for one that is held up.
 LISTEN_S: Final = 1.5
 HELD_UP_S: Final = 8.0
-PATIENCE_MS: Final = 3000
+TIMEOUT_MS: Final = 3000
 FRAME_S: Final = 0.5
 
 
@@ -70,7 +70,7 @@ def _with_supervisor(
         raise ConfigurationError(
             f"`fleet` needs the extra `ros` ({error.name}): pip install 'contactd[ros]'"
         ) from error
-    with supervising(connect, configuration, domain, Distro(distro), PATIENCE_MS) as supervisor:
+    with supervising(connect, configuration, domain, Distro(distro), TIMEOUT_MS) as supervisor:
         return use(supervisor)
 
 

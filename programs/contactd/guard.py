@@ -18,7 +18,7 @@ from daemon.service.realtime import go_realtime
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Wire
 from drivers.makes import guardian_of
-from drivers.motors.guardian import Doing, Guardian
+from drivers.motors.guardian import Activity, Guardian
 from programs.command_line.sentences import say
 
 _log = logging.getLogger("contactd")
@@ -31,9 +31,9 @@ AGAIN_S: Final = 0.5
 LOWERS_S: Final = 25.0
 
 WORDS: Final = {
-    Doing.WATCHES: "watching",
-    Doing.HOLDS: "the daemon is silent: holding the arm",
-    Doing.LOWERS: "lowering the arm",
+    Activity.WATCHES: "watching",
+    Activity.HOLDS: "the daemon is silent: holding the arm",
+    Activity.LOWERS: "lowering the arm",
 }
 
 
@@ -65,7 +65,7 @@ class _Guard:
     def _ended(self) -> bool:
         if self._end_by_s is None:
             return False
-        holds = self._guardian.doing is not Doing.WATCHES and not self._guardian.unloaded
+        holds = self._guardian.activity is not Activity.WATCHES and not self._guardian.unloaded
         return not holds or time.monotonic() > self._end_by_s
 
     def run(self) -> None:
@@ -80,7 +80,7 @@ class _Guard:
                         grants = go_realtime()
                         _log.info(", ".join(grant.text for grant in grants[:2]))
                         self._notifier.ready("watching")
-                        _log.info(WORDS[Doing.WATCHES])
+                        _log.info(WORDS[Activity.WATCHES])
                         ready = True
                     self._serve(wire)
                 except (BusError, *BUS_FAILURES) as error:
@@ -90,7 +90,7 @@ class _Guard:
                     time.sleep(AGAIN_S)
 
     def _serve(self, wire: Wire) -> None:
-        guardian, doing = self._guardian, self._guardian.doing
+        guardian, activity = self._guardian, self._guardian.activity
         while not self._ended:
             frame = wire.receive(TURN_S)
             now = time.monotonic()
@@ -98,8 +98,8 @@ class _Guard:
                 guardian.take(now, *frame)
             if frames := guardian.step(now):
                 wire.send(frames)
-            if guardian.doing is not doing:
-                doing = guardian.doing
-                _log.warning(WORDS[doing])
-                self._notifier.status(WORDS[doing])
+            if guardian.activity is not activity:
+                activity = guardian.activity
+                _log.warning(WORDS[activity])
+                self._notifier.status(WORDS[activity])
             self._notifier.ticked(now)

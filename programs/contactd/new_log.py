@@ -17,7 +17,7 @@ from identification.skew import without_skew
 from identification.torque_columns import refuse_other_torques
 from programs.command_line.sentences import say
 from programs.contactd.drafts.configuration import guesses, loads_of
-from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
+from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, scales, with_movable_joints
 from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
 from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv, there_are
 from programs.identify.foreign import joined
@@ -87,7 +87,7 @@ def _write(
     write_names()
     there = [{*one.joints} for one in columns.values()]
     there += [{name.partition(".")[2] for name in one.conversions} for one in given.values()]
-    text, changes = loosened(text, set.intersection(*there))
+    text, changes = with_movable_joints(text, set.intersection(*there))
     ranges = [one for one in joint_ranges(text) if one.kind == "revolute"]
     names = [one.joint for one in ranges]
     loads_of(text, urdf.name, names)  # of lengths in mm no step makes anything

@@ -13,7 +13,7 @@ from drivers.stopping.witness import FROZEN_READINGS
 SAMPLED_TICKS: Final = 2
 
 
-def noticing_ticks(c: Configuration) -> int:
+def detection_ticks(c: Configuration) -> int:
     """Ticks until a drive that does not follow its setpoints is detected: those of the slowest
     rule, since only one of them may apply."""
     silence_s = max(profile.silence_s for profile in c.drives.values())
@@ -28,7 +28,7 @@ def noticing_ticks(c: Configuration) -> int:
 
 def travels(c: Configuration) -> list[Travel]:
     """Worst-case travel of each joint."""
-    noticing_s = noticing_ticks(c) * c.period_s
+    detection_s = detection_ticks(c) * c.period_s
     return worst_travel(
-        c.joint_drives, c.period_s, noticing_s, speed_margin=c.supervisor.speed_margin
+        c.joint_drives, c.period_s, detection_s, speed_margin=c.supervisor.speed_margin
     )

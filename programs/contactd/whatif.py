@@ -18,7 +18,7 @@ from programs.contactd.whatif_words import counted, lines
 from programs.recordings.detection import Detection, Point, Total
 from programs.recordings.html import filled
 from programs.recordings.labels import labels_of, proposed, read_labels, template
-from programs.recordings.many import Asked, answers, recordings_in
+from programs.recordings.many import LabelledRecording, answers, recordings_in
 from programs.recordings.question import ARM, Answer, Question
 from programs.recordings.reading import read_contents
 from programs.recordings.settings import parse_change
@@ -63,7 +63,7 @@ def print_whatif(request: Request) -> bool:
     labels = read_labels(request.labels) if request.labels else {}
     alone = len(files) == 1
     asked = [
-        Asked(str(recording), tuple(labels_of(labels, f, alone=alone)))
+        LabelledRecording(str(recording), tuple(labels_of(labels, f, alone=alone)))
         for recording, f in read.items()
     ]
     if labels and not any(one.labels for one in asked):
@@ -202,11 +202,11 @@ def curve_data(one: Detection) -> dict[str, Any]:
     return {**asdict(one), "points": [known(point) for point in one.points]}
 
 
-def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable: float) -> None:
+def _write_page(target: Path, total: Total, found: Sequence[Detection], accepted: float) -> None:
     about = (
         f"{counted(len(total.answers), 'recording', 'recordings')}, "
         f"{total.watched_s / 3600:.3g} h watched, of that "
-        f"{total.outside_s / 3600:.3g} h outside of labels; acceptable: {bearable:g} per hour"
+        f"{total.outside_s / 3600:.3g} h outside of labels; acceptable: {accepted:g} per hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}
     page = filled("curves", "Detection curves", about, curves)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from programs.recordings.detection import Detection, Total
-from programs.recordings.question import ARM, Answer, Found, Question
+from programs.recordings.question import ARM, Answer, FoundContact, Question
 
 ROWS_SHOWN: Final = 24
 CONTACTS_SHOWN: Final = 12
@@ -18,7 +18,7 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def lines(
-    question: Question, bearable: float, total: Total, found: Sequence[Detection]
+    question: Question, accepted: float, total: Total, found: Sequence[Detection]
 ) -> list[str]:
     """Answer as lines of text."""
     report = []
@@ -40,7 +40,7 @@ def lines(
             "assumed to have been lowered by as much"
         )
     for one in found:
-        report += _curve(question, bearable, total, one)
+        report += _curve(question, accepted, total, one)
     return report
 
 
@@ -73,7 +73,7 @@ def _recording(question: Question, answer: Answer) -> list[str]:
     return report
 
 
-def _contacts(name: str, found: Sequence[Found]) -> list[str]:
+def _contacts(name: str, found: Sequence[FoundContact]) -> list[str]:
     if not found:
         return [f"  {name:12} no contact"]
     rows = [
@@ -85,7 +85,7 @@ def _contacts(name: str, found: Sequence[Found]) -> list[str]:
     return [*rows, f"  {'':12} and {left} more: --json lists them"] if left > 0 else rows
 
 
-def _curve(question: Question, bearable: float, total: Total, one: Detection) -> list[str]:
+def _curve(question: Question, accepted: float, total: Total, one: Detection) -> list[str]:
     labelled = one.labels > 0
     unit = "step" if one.name == ARM else "level"
     touches = counted(one.labels, "labelled touch", "labelled touches")
@@ -113,10 +113,10 @@ def _curve(question: Question, bearable: float, total: Total, one: Detection) ->
             else "  every contact counts as an alarm here: label the touches (--labels)"
         )
     if one.chosen is None:
-        report.append(f"  no level has at most {bearable:g} per hour")
-    elif bearable * hours < 1.0:
+        report.append(f"  no level has at most {accepted:g} per hour")
+    elif accepted * hours < 1.0:
         report.append(
-            f"  {hours:.3g} h cannot prove {bearable:g} per hour: a single contact already makes "
+            f"  {hours:.3g} h cannot prove {accepted:g} per hour: a single contact already makes "
             f"{1.0 / hours if hours else math.inf:.0f}; record longer before you trust it"
         )
     return report

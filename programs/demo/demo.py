@@ -26,15 +26,15 @@ from daemon.config.load import load_robot
 from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.dashboard import Dashboard, History
-from programs.demo.demo_story import Story, touch_of
+from programs.demo.demo_story import RunFigures, touch_of
 from simulator.hand_script import read_script
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HAND = "third_experiment.yaml"
-START_PATIENCE_S = 20.0
+START_TIMEOUT_S = 20.0
 SETTLE_S = 1.5  # time at rest after the drives are enabled, before arming
-ARM_PATIENCE_S = 5.0
-END_PATIENCE_S = 10.0
+ARM_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 10.0
 FRAMES_EVERY = 10  # ticks between two frames of the dashboard
 
 
@@ -88,18 +88,18 @@ def run_demo(
             except ContactdError as error:
                 raise ControlError(f"{error}\n{log.read_text()}".rstrip()) from error
             daemon.send_signal(signal.SIGTERM)
-            daemon_ended = daemon.wait(END_PATIENCE_S) == 0
+            daemon_ended = daemon.wait(END_TIMEOUT_S) == 0
             sim.send_signal(signal.SIGTERM)
-            said, _ = sim.communicate(timeout=END_PATIENCE_S)
+            said, _ = sim.communicate(timeout=END_TIMEOUT_S)
         events = [json.loads(line) for line in said.splitlines()]
     assert run.snapshot is not None
     touch = touch_of(events, read_script(where / HAND))
-    story = Story(robot.configuration, run.snapshot, run.states, touch)
-    report = story.report(ended_well=daemon_ended and sim.returncode == 0)
+    figures = RunFigures(robot.configuration, run.snapshot, run.states, touch)
+    report = figures.report(ended_well=daemon_ended and sim.returncode == 0)
     if as_json:
         click.echo(json.dumps(report))
     else:
-        _print_report(console, story, robot.model.hand, report["pass"], ended=daemon_ended)
+        _print_report(console, figures, robot.model.hand, report["pass"], ended=daemon_ended)
         if file is not None:
             console.print(f"recorded: {file} (`contactd plot {file}`)", soft_wrap=True)
     return bool(report["pass"])
@@ -110,13 +110,13 @@ def _play(
 ) -> None:
     """Act as the operator: enable, arm, start; then watch, disarm and stop."""
     with _connect(daemon, door) as orders, _connect(daemon, door) as stream:
-        run.snapshot, states = _patiently(stream)
+        run.snapshot, states = _subscribed(stream)
         with _picture(console) as picture:
             watch = _watch(states, run, picture, quiet=console is None)
             orders.demand("enable")
             _advance(watch, run, SETTLE_S)
-            deadline = time.monotonic() + ARM_PATIENCE_S
-            while not (reply := orders.arm(seconds + ARM_PATIENCE_S, detached=True)).ok:
+            deadline = time.monotonic() + ARM_TIMEOUT_S
+            while not (reply := orders.arm(seconds + ARM_TIMEOUT_S, detached=True)).ok:
                 if time.monotonic() > deadline:
                     raise ControlError(reply.refusal)
                 _advance(watch, run, 0.2)
@@ -134,19 +134,19 @@ def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> I
         yield
         return
     with _connect(daemon, door) as client:
-        _patiently(client)  # waits until recording is possible
+        _subscribed(client)  # waits until recording is possible
     with _process(
         "--socket", door, "record", file, of="contactctl.contactctl", out=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
-        deadline = time.monotonic() + START_PATIENCE_S
+        deadline = time.monotonic() + START_TIMEOUT_S
         while not file.exists():
             if process.poll() is not None or time.monotonic() > deadline:
                 raise ControlError(f"{file} was not recorded")
             time.sleep(0.02)
         yield
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=END_PATIENCE_S)
+        process.communicate(timeout=END_TIMEOUT_S)
 
 
 def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
@@ -183,19 +183,19 @@ def _picture(console: Console | None) -> Iterator[Live | None]:
 
 def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
     """Connection to the daemon, as soon as its socket exists."""
-    deadline = time.monotonic() + START_PATIENCE_S
+    deadline = time.monotonic() + START_TIMEOUT_S
     while True:
         try:
-            return Client(door, START_PATIENCE_S)  # the start is slow on a busy computer
+            return Client(door, START_TIMEOUT_S)  # the start is slow on a busy computer
         except ContactdError:
             if daemon.poll() is not None or time.monotonic() > deadline:
                 raise ControlError("the daemon did not start; its output:") from None
             time.sleep(0.05)
 
 
-def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
+def _subscribed(stream: Client) -> tuple[Snapshot, Iterator[State]]:
     """Subscribe, retrying until the drives are set up, as the daemon may not answer before."""
-    deadline = time.monotonic() + START_PATIENCE_S
+    deadline = time.monotonic() + START_TIMEOUT_S
     while True:
         try:
             return stream.subscribe()
@@ -256,15 +256,17 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _print_report(console: Console, story: Story, frame: str, passed: bool, *, ended: bool) -> None:
+def _print_report(
+    console: Console, figures: RunFigures, frame: str, passed: bool, *, ended: bool
+) -> None:
     table = Table(title="The third experiment", title_justify="left", box=None, pad_edge=False)
     for column in ("", "expected", "measured"):
         table.add_column(column)
-    for check in story.checks():
+    for check in figures.checks():
         table.add_row("[green]yes[/]" if check.happened else "[red]NO[/]", check.what, check.figure)
     table.add_row("[green]yes[/]" if ended else "[red]NO[/]", "the processes ended properly", "")
     console.print(table)
-    report = story.report(ended_well=ended)
+    report = figures.report(ended_well=ended)
     late, work = report["lateness_us"], report["tick_us"]
     console.print(
         f"\nloop: {report['ticks']} ticks, {report['missed']} missed; wake-up lateness "
@@ -272,7 +274,7 @@ def _print_report(console: Console, story: Story, frame: str, passed: bool, *, e
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"
     )
-    if words := story.force(frame):
+    if words := figures.force(frame):
         console.print(words, soft_wrap=True)
     console.print(verdict(passed, report["missed"]))
 

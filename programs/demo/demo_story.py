@@ -14,7 +14,7 @@ from programs.clients.wrench import force_words, wrench_words
 from simulator.hand_script import Press, Script
 
 # Time in which the residual decays and the arm swings back through its gaps after the release [s].
-AFTERGLOW_S = 0.3
+AFTER_TOUCH_S = 0.3
 BEFORE_S = 0.05
 # Longest allowed delay from the start of a push to its contact [s].
 PROMPT_S = 0.5
@@ -63,7 +63,7 @@ def percentiles(values: Sequence[float]) -> dict[str, float]:
     return {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(max(values), 1)}
 
 
-class Story:
+class RunFigures:
     """Figures of one run, computed from its States."""
 
     def __init__(
@@ -112,7 +112,7 @@ class Story:
     def touched(self, state: State) -> bool:
         """True if the hand touched the arm, or had just released it."""
         touch, now = self._touch, state.timing.monotonic_s
-        return touch is not None and touch.begin_s <= now <= touch.end_s + AFTERGLOW_S
+        return touch is not None and touch.begin_s <= now <= touch.end_s + AFTER_TOUCH_S
 
     @property
     def false_contacts(self) -> dict[str, int]:

@@ -8,13 +8,13 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from programs.command_line.options import SOCKET, InOrder
+from programs.command_line.options import SOCKET, OrderedGroup
 from programs.identify.known_mass import wrench
 from programs.identify.step import CONFIG, Step
 from programs.identify.steps import STEPS
 
 
-@click.group(cls=InOrder, invoke_without_command=True)
+@click.group(cls=OrderedGroup, invoke_without_command=True)
 @CONFIG
 @SOCKET
 @click.pass_context

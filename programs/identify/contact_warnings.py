@@ -15,7 +15,7 @@ def discarded(event: Notice) -> str:
     return f"{event.text}: if that was you, hands off; it is discarded"
 
 
-def wiring_spoiled(joint: str) -> ContactWarning:
+def wiring_touched(joint: str) -> ContactWarning:
     """Warning during the wiring check, which a touch spoils; given once for each joint."""
     warned: set[str] = set()
 

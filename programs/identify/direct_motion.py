@@ -8,8 +8,8 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration, Joint
 from estimator.model import Model
-from identification.direct_friction import to_and_fro
-from identification.excitation import point_to_point, soft_run
+from identification.direct_friction import grouped_strokes
+from identification.excitation import point_to_point, smooth_path_times
 from programs.identify.live_arm import LiveArm
 from programs.identify.measured import Measured
 from programs.identify.motions import SHARE, bounds_of, slow
@@ -49,7 +49,9 @@ def _stroke(speed: float, joint: Joint, period_s: float) -> Vector:
     """Stroke in one direction [rad] about its centre: ramp, gap, constant speed, ramp. The ramps'
     peak acceleration is at most 1.5 times their mean."""
     ramp_s = max(_RAMP_S, 1.5 * speed / (SHARE * joint.limits.acceleration))
-    shape = speed * soft_run(_EVEN_S + ramp_s + 2.0 * joint.half_gap / speed, ramp_s, period_s)
+    shape = speed * smooth_path_times(
+        _EVEN_S + ramp_s + 2.0 * joint.half_gap / speed, ramp_s, period_s
+    )
     return np.asarray(shape - 0.5 * shape[-1])
 
 
@@ -75,7 +77,7 @@ def measure_directly(arm: LiveArm, joints: Sequence[str]) -> Measured:
     for name in joints:
         i = c.joint_names.index(name)
         path, planned = direct_motion(c, arm.model, i, arm.link_position())
-        done = 0 if before is None else len(to_and_fro(before, i, 1.0, 0.0))
+        done = 0 if before is None else len(grouped_strokes(before, i, 1.0, 0.0))
         if done < _ENOUGH * planned:
             between = f"{path[:, i].min():z.2f} and {path[:, i].max():z.2f} rad"
             arm.show(f"Poses within 70 % of every range; there {name} alone, between {between}. "

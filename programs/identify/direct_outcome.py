@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot
-from identification.direct_friction import Law, Point, points, to_and_fro
+from identification.direct_friction import Law, Point, grouped_strokes, points
 from programs.identify.measured import Measured
 from programs.identify.plots import plot_direct
 from programs.identify.step import Line, Outcome
@@ -29,7 +29,9 @@ def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> O
     for name in joints:
         i = c.joint_names.index(name)
         levels, constant = c.joints[i].thresholds, c.joints[i].torque_constant
-        found = points(to_and_fro(measured.log, i, constant, 1e-3 * c.estimator.current_delay_ms))
+        found = points(
+            grouped_strokes(measured.log, i, constant, 1e-3 * c.estimator.current_delay_ms)
+        )
         if not found:
             lines.append(Line(name, "not seen", good=False, reason=_NOT_SEEN))
             continue

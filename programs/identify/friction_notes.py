@@ -18,12 +18,12 @@ _LOAD = 0.1
 def wide_intervals(fits: list[FrictionFit], *, masses_identified: bool) -> tuple[str, ...]:
     """Sentence about joints whose friction has a relative confidence interval above `WIDE`, and how
     to narrow it, or none."""
-    good = [fit for fit in _good(fits) if fit.unsure > WIDE]
-    wide = [fit for fit in good if _half(fit.unsure) != _half(WIDE)]
+    good = [fit for fit in _good(fits) if fit.uncertainty > WIDE]
+    wide = [fit for fit in good if _half(fit.uncertainty) != _half(WIDE)]
     if not wide:
         return ()
     about = "friction is known to " + ", ".join(
-        f"{_half(fit.unsure)} at {fit.joint}" for fit in wide
+        f"{_half(fit.uncertainty)} at {fit.joint}" for fit in wide
     )
     weigh = [fit.joint for fit in wide if fit.masses_matter and not masses_identified]
     if not weigh:
@@ -47,9 +47,9 @@ def _longer(fits: list[FrictionFit]) -> str:
         longer = min(LONGEST_S, _STEP_S * ceil(max(enough) / _STEP_S))
         parts.append(f"`--seconds {longer}` narrows that{whose} to {_half(WIDE)}")
     if never:
-        after = {fit.joint: _half(fit.unsure_after(LONGEST_S)) for fit in never}
+        after = {fit.joint: _half(fit.uncertainty_after(LONGEST_S)) for fit in never}
         less = [f"{fit.joint} {after[fit.joint]}" for fit in never
-                if after[fit.joint] != _half(fit.unsure)]  # fmt: skip
+                if after[fit.joint] != _half(fit.uncertainty)]  # fmt: skip
         parts.append(
             (f"`--seconds {LONGEST_S}` leaves {', '.join(less)}: " if less else "")
             + "a longer motion does not reduce errors of masses, of torque constants, of friction "

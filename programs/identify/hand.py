@@ -27,7 +27,7 @@ class Hand:
         self.gap: GapResult | None = None
         self.done = False
 
-    def saw(self, state: State) -> bool:
+    def add(self, state: State) -> bool:
         """Add one State; True if the display is due."""
         if not all(state.fresh):
             return False

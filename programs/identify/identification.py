@@ -22,7 +22,7 @@ from daemon.config.schema import ArmingStep
 from daemon.modes.table import Mode
 from programs.clients.client import Client
 from programs.command_line.console import on_stdout
-from programs.command_line.questions import sure
+from programs.command_line.questions import confirmed
 from programs.command_line.sentences import say
 from programs.identify.live_arm import LiveArm, open_session
 from programs.identify.measured import Measured, read_measured
@@ -204,7 +204,7 @@ def may_move(robot: Robot, *, off: bool) -> bool:
     )
     text = text if off else "The arm is enabled, and this step moves it."
     say(f"{text} Keep people out of its reach, and the emergency stop within yours.")
-    return sure("Enable the drives?" if off else "Move the arm?")
+    return confirmed("Enable the drives?" if off else "Move the arm?")
 
 
 def may_reset(cause: str) -> bool:
@@ -212,7 +212,7 @@ def may_reset(cause: str) -> bool:
     if not sys.stdin.isatty():
         return False
     say(f"The arm is faulted: {cause}. Inspect it first; after a reset its drives are off.")
-    return sure("Reset the fault?")
+    return confirmed("Reset the fault?")
 
 
 def show_overview(config: Path | None, socket: Path | None) -> bool:

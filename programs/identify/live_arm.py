@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from common.arrays import Matrix, Vector
 from common.errors import ConfigurationError, ShortLogError, UnreachableError
-from daemon.config.identified import samples_alike
+from daemon.config.identified import same_samples
 from daemon.config.load import Robot
 from daemon.config.vectors import row
 from daemon.modes.table import Mode
@@ -23,10 +23,10 @@ from daemon.protocol.state import State
 from identification.excitation import point_to_point
 from identification.motion_log import PAUSE_S, MotionLog
 from programs.identify.contact_warnings import discarded
+from programs.identify.limit_cycle_watch import LimitCycleWatch
 from programs.identify.measured import Measured, read_measured, refuse_incompatible
 from programs.identify.motions import REPEATS_S, SLOWEST_S, bounds_of, excitation, slow
 from programs.identify.session import InterruptedStepError, Session
-from programs.identify.swinging import SwingWatch
 from programs.identify.velocity_loop import REMEMBERED, advice_on_following
 
 MOVED = 0.05
@@ -45,7 +45,7 @@ class LiveArm:
         self.configuration = robot.configuration
         self.model = robot.model
         self._far = False  # True once more than single motors, within their gaps, has moved
-        if not samples_alike(session.configuration(), self.configuration):
+        if not same_samples(session.configuration(), self.configuration):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon read it: "
                 f"{TO_READ_ANEW}, then this again"
@@ -79,8 +79,8 @@ class LiveArm:
         if seconds - already > 1.0:
             path = motion.path(self.link_position(), seconds - already)
             half_gap = row(c, lambda j: j.half_gap)
-            watch = SwingWatch(c.joint_names, c.control.position_gain, half_gap)
-            self.move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
+            watch = LimitCycleWatch(c.joint_names, c.control.position_gain, half_gap)
+            self.move(step, "all joints move, hands off", path, watch.add, warning=discarded)
         return self.read(step)
 
     def before(self, step: str, *, residuals: bool = False) -> MotionLog | None:

@@ -40,7 +40,7 @@ def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
             arm.forget(f"way-{joint}")
         arm.forget(step)
         here = arm.link_position()
-        text = f"{joint} moves by {1e3 * asked.way:.0f} mrad"
+        text = f"{joint} moves by {1e3 * asked.travel:.0f} mrad"
         arm.move(step, text, own.path(here, asked), motors_only=True, **how)
         return arm.read(step, gap_of=joint).log
 
@@ -52,7 +52,7 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
     """Hold the motor of one joint while a person moves its link. Raises as `Session.run` does."""
     step, i = f"gap-{joint}", arm.configuration.joint_names.index(joint)
     before = arm.before(step)
-    _hang(arm, joint, i)
+    _move_to_unloaded(arm, joint, i)
     here = arm.link_position(motors_only=True)
     arm.show(
         f"The motor of {joint} stands still. Move its link gently by hand from side to side: lean "
@@ -68,7 +68,7 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
     with Live(console=arm.console, auto_refresh=False) as live:
 
         def each(state: State) -> bool:
-            if hand.saw(state):
+            if hand.add(state):
                 live.update(histogram(hand.phi, hand.gap), refresh=True)
             return hand.done
 
@@ -79,7 +79,7 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
     return arm.read(step, gap_of=joint)
 
 
-def _hang(arm: LiveArm, joint: str, i: int) -> None:
+def _move_to_unloaded(arm: LiveArm, joint: str, i: int) -> None:
     """Move to a pose without gravity load on the joint, if there is one. Stays if a person enabled
     the arm, and so chose the pose, or if link positions are not trusted."""
     here = arm.link_position(motors_only=True)

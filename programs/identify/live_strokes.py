@@ -113,7 +113,7 @@ class StrokesOfJoint:
 
     def path(self, here: Vector, asked: Strokes) -> Matrix:
         """Path (N, n) [rad] of the strokes, for the motors alone."""
-        return strokes(here, self.i, asked.way, asked.speed, asked.count, self.c.period_s)
+        return strokes(here, self.i, asked.travel, asked.speed, asked.count, self.c.period_s)
 
 
 def searched(search: Search, record: Callable[[Strokes], MotionLog]) -> None:

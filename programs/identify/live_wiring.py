@@ -11,8 +11,8 @@ from daemon.config.problem import agree, figure
 from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition
 from drivers.canopen.settings import CanopenProfile
-from identification.wiring import OTHER_WAY, follows_both_ways, scale_unsure, share_of_motor
-from programs.identify.contact_warnings import wiring_spoiled
+from identification.wiring import OTHER_WAY, follows_both_ways, scale_uncertain, share_of_motor
+from programs.identify.contact_warnings import wiring_touched
 from programs.identify.live_arm import LiveArm
 from programs.identify.measured import Measured
 from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
@@ -45,7 +45,7 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
             arm.forget(step)  # the motion is so short that it starts afresh
             carried = repeated or _may_float(arm, i, here)
             path = wiring_motion(here, i, half_gap, c.period_s, speeding_up=carried)
-            text, warning = f"{joint} moves a little", wiring_spoiled(joint)
+            text, warning = f"{joint} moves a little", wiring_touched(joint)
             arm.move(step, text, path, warning=warning, motors_only=True, to_go_on=to_go_on)
         except (ControlError, InterruptedStepError) as error:
             if why := why_apart(arm, error):
@@ -54,7 +54,7 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
             raise
         measured = arm.read(step)
         both = follows_both_ways(measured.log, i)
-        if both and not repeated and scale_unsure(measured.log, i):
+        if both and not repeated and scale_uncertain(measured.log, i):
             repeated, more = True, "once more, accelerating all the way"
             seen = "moved its link by a different amount than its motor"
         elif both or half_gap >= WIDEST_GUESS:

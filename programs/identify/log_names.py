@@ -45,7 +45,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 _ALIKE = {"motor_position": "link_position", "setpoint": "motor_velocity"}
 
 
-class Named(Settings, frozen=True, kw_only=True):
+class QuantitySource(Settings, frozen=True, kw_only=True):
     """Source of a quantity: a column of the log, or one value for all rows."""
 
     column: str = ""
@@ -72,8 +72,8 @@ class LogNames(Settings, frozen=True, kw_only=True):
     """Content of the names file; `topic` is only for an MCAP."""
 
     topic: str = ""
-    joints: dict[str, dict[Quantity, Named]]
-    time: Named = Named(column="time")
+    joints: dict[str, dict[Quantity, QuantitySource]]
+    time: QuantitySource = QuantitySource(column="time")
     rows: Rows | None = None
     payload: Mass | PayloadEntry | None = None
 
@@ -129,7 +129,7 @@ def read_names(log: Path) -> NamedLog | None:
     return NamedLog(conversions, names.rows, names.topic, load)
 
 
-def _conversion(path: Path, where: str, quantity: str, named: Named) -> Conversion:
+def _conversion(path: Path, where: str, quantity: str, named: QuantitySource) -> Conversion:
     if bool(named.column) == (named.value is not None):
         raise LogError(f"{path}: {where}: give either a column or a value")
     units = UNITS[_ALIKE.get(quantity, quantity)]

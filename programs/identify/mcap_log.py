@@ -21,7 +21,7 @@ from common.arrays import Matrix
 from common.errors import LogError
 from common.regular_file import open_regular
 from daemon.protocol.text import printable
-from programs.clients.log_reader import BrokenError, mcap_records
+from programs.clients.log_reader import DamagedFileError, mcap_records
 
 TIME: Final = "time"
 _FIRST: Final = 100  # messages that define a topic's fields, as several programs may publish it
@@ -80,7 +80,7 @@ def _records(path: Path) -> Iterator[Any]:
     with stream:
         try:
             yield from mcap_records(path, stream, ours=False)
-        except BrokenError as error:
+        except DamagedFileError as error:
             raise LogError(f"{path} {error}") from error
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from common.arrays import Matrix
 from common.errors import ContactdError, LogError, ShortLogError
 from daemon.config.evidence import unidentified
-from daemon.config.identified import residuals_alike, samples_alike
+from daemon.config.identified import same_residuals, same_samples
 from daemon.config.load import Robot, parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING, Mode
@@ -40,7 +40,7 @@ class Measured:
     residual: Matrix | None = None  # (N, n) [Nm]
     raised: Matrix | None = None  # (N, n) excess of the threshold over its level at speed [Nm]
     touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual is not zero
-    unsure: NDArray[np.bool_] | None = None  # (N,) residual is outdated or restarting
+    uncertain: NDArray[np.bool_] | None = None  # (N,) residual is outdated or restarting
     reference: Matrix | None = None  # (N, n) positions [rad]; None if another controller moved it
     gain: float | None = None  # of the position loop [1/s]; None if unknown
     load: str = ""  # payload that the model included, in words
@@ -126,10 +126,10 @@ def raised(states: Iterable[State], c: Configuration) -> list[State]:
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
     """Reason, to follow the recording's name, why its samples, or with `residuals` its residuals,
     cannot be used for `c`; empty if they can."""
-    if not samples_alike(recorded, c):
+    if not same_samples(recorded, c):
         return ("was recorded with other drives, another wiring or another period than the present "
                 "configuration has")  # fmt: skip
-    if residuals and not residuals_alike(recorded, c):
+    if residuals and not same_residuals(recorded, c):
         return "has residuals computed with other values of the joints than those in force"
     return ""
 
@@ -204,14 +204,14 @@ def from_states(
     log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
     thresholded = np.array([s.thresholded for s in used])
     # Residuals that are outdated or restarting, and levels raised for that, carry no information.
-    unsure = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
+    uncertain = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
     return Measured(
         log=log,
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
         raised=np.array([s.threshold for s in used]),
         touched=thresholded != 0.0,
-        unsure=unsure,
+        uncertain=uncertain,
         reference=np.array([s.reference for s in used]),
         load=str(used[-1].payload or ""),
         notes=notes,

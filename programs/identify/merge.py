@@ -3,9 +3,9 @@
 import msgspec
 
 from daemon.config import identified as file
+from daemon.config.digests import digests_of
 from daemon.config.evidence import in_force
 from daemon.config.load import Robot
-from daemon.config.marks import marks_of
 
 
 def merged(
@@ -14,11 +14,11 @@ def merged(
     """Content of the robot's file with the entries of one step merged into it.
 
     Entries of another drive are dropped. Entries of another configuration, recognised by their
-    mark, stay in case it returns; those without a mark, in a file of an older format, are dropped.
+    digest, stay in case it returns; those without, in a file of an older format, are dropped.
     """
     joints = _marked(robot)
     for name, found in entries.items():
-        of = marks_of(robot.configuration, robot.urdf, name)
+        of = digests_of(robot.configuration, robot.urdf, name)
         entry = msgspec.structs.replace(found, of=of[found.depends])
         known = joints.get(name, file.IdentifiedJoint(serial=serials.get(name)))
         if name in serials and known.serial != serials[name]:
@@ -30,7 +30,7 @@ def merged(
 
 
 def _marked(robot: Robot) -> dict[str, file.IdentifiedJoint]:
-    """Entries of the file by joint; those in force get the mark of the present format."""
+    """Entries of the file by joint; those in force get the digests of the present format."""
     old = robot.identified or file.Identified()
     c, urdf = robot.configuration, robot.urdf
 
@@ -38,7 +38,7 @@ def _marked(robot: Robot) -> dict[str, file.IdentifiedJoint]:
         changes: dict[str, file.Entry | None] = {}
         for step, entry in file.entries_of(joint).items():
             if name in c.joint_names and in_force(entry, name, old, c, urdf):
-                of = marks_of(c, urdf, name)[entry.depends]
+                of = digests_of(c, urdf, name)[entry.depends]
                 changes[step] = msgspec.structs.replace(entry, of=of)
             elif not entry.of:
                 changes[step] = None

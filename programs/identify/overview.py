@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final, get_args
 
+from daemon.config.digests import digests
 from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import ENTRIES, IdentifiedPayload, used_entries
 from daemon.config.load import Robot
-from daemon.config.marks import marks
 from daemon.config.schema import ArmingStep
 from daemon.protocol.text import printable
 from programs.identify.steps import STEPS
@@ -71,7 +71,7 @@ def overview(robot: Robot, now: datetime) -> Overview:
 
 def _payloads(robot: Robot, now: datetime) -> dict[str, Cell]:
     """Cells of identified payloads, which a change of friction or masses invalidates."""
-    of = marks(robot.configuration, robot.urdf)[IdentifiedPayload.depends]
+    of = digests(robot.configuration, robot.urdf)[IdentifiedPayload.depends]
     cells = {}
     for name, load in (robot.identified.payloads if robot.identified else {}).items():
         text = f"{STEPS['payload'].quality(load)}, {_age(load.date, now)}"

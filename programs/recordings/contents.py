@@ -86,7 +86,7 @@ class Contents:
         for state in states:
             self._count(state)
             if state.notices:
-                self._heed(state)
+                self._process_state(state)
             if self._open:
                 self._follow(state)
 
@@ -108,7 +108,7 @@ class Contents:
             contact.duration_s = self.duration_s - contact.time_s
         self._open.clear()
 
-    def _heed(self, state: State) -> None:
+    def _process_state(self, state: State) -> None:
         assert self.begun_s is not None
         time_s = state.time_s - self.begun_s
         for notice in state.notices:

@@ -65,19 +65,19 @@ class Total:
         """True if every recording was complete and gave an answer."""
         return not (self.failed or self.broken)
 
-    def detections(self, bearable_per_hour: float) -> list[Detection]:
+    def detections(self, accepted_per_hour: float) -> list[Detection]:
         """Curves of all joints in question, and of the arm."""
         names = list(dict.fromkeys(name for answer in self.answers for name in answer.curves))
-        return [self._detection(name, bearable_per_hour) for name in names]
+        return [self._detection(name, accepted_per_hour) for name in names]
 
-    def _detection(self, name: str, bearable_per_hour: float) -> Detection:
+    def _detection(self, name: str, accepted_per_hour: float) -> Detection:
         curves = [answer.curves[name] for answer in self.answers if name in answer.curves]
         curve: Curve = reduce(add, curves)
         points = tuple(self._point(curve, k) for k in range(len(curve.levels)))
-        bearable = [
-            k for k, point in enumerate(points) if point.alarms_per_hour <= bearable_per_hour
+        accepted = [
+            k for k, point in enumerate(points) if point.alarms_per_hour <= accepted_per_hour
         ]
-        return Detection(name, curve.labels, points, bearable[0] if bearable else None)
+        return Detection(name, curve.labels, points, accepted[0] if accepted else None)
 
     def _point(self, curve: Curve, k: int) -> Point:
         delays: Sequence[float] = curve.delays_s[k]

@@ -28,7 +28,7 @@ _ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
 _KEPT = 5  # version of the cached answers
 
 
-class Asked(msgspec.Struct, frozen=True):
+class LabelledRecording(msgspec.Struct, frozen=True):
     """Recording with its labels."""
 
     file: str
@@ -52,7 +52,7 @@ def recordings_in(places: Sequence[Path], suffix: str = ".mcap") -> list[Path]:
 
 def answers(
     question: Question,
-    asked: Sequence[Asked],
+    asked: Sequence[LabelledRecording],
     workers: int = 1,
     scheduler: str = "",
     progress: Callable[[float], None] = lambda share: None,
@@ -103,7 +103,7 @@ def _on_cluster(scheduler: str) -> Iterator[None]:
 
 def kept_answer(
     question: Question,
-    asked: Asked,
+    asked: LabelledRecording,
     cache: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Answer:

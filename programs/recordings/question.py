@@ -53,7 +53,7 @@ class Curve(msgspec.Struct, kw_only=True):
         )
 
 
-class Found(msgspec.Struct, frozen=True):
+class FoundContact(msgspec.Struct, frozen=True):
     """One contact at the levels in force."""
 
     time_s: float
@@ -74,8 +74,8 @@ class Answer(msgspec.Struct, kw_only=True):
     skipped_s: float = 0.0  # left out of a replay, after lost states
     reaction_s: float | None = None
     shares_known: bool = True
-    recorded: list[Found] = []  # contacts as recorded
-    contacts: list[Found] = []  # contacts with other settings, or by another residual
+    recorded: list[FoundContact] = []  # contacts as recorded
+    contacts: list[FoundContact] = []  # contacts with other settings, or by another residual
     recorded_N: float = 0.0  # largest estimated force at the tool, as recorded
     force_N: float = 0.0  # largest estimated force with other settings
     curves: dict[str, Curve] = {}

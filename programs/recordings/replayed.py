@@ -20,7 +20,7 @@ from estimator.estimator import Estimator
 from programs.clients.columns import Layout
 from programs.clients.log_reader import batches
 from programs.clients.replay import alike, resets, same_estimator
-from programs.recordings.carried import Carried
+from programs.recordings.replayed_payload import ReplayedPayload
 from programs.recordings.rows import Rows, RowsHeader, chosen_residual, times_and_reports
 from programs.recordings.settings import Change, changed_configuration
 
@@ -36,7 +36,7 @@ class ReplayedRows:
     """Number of States left out, as the estimator's memory at their start is unknown."""
     _configuration: Configuration | None = None
     _estimator: Estimator | None = None
-    _carried: Carried | None = None
+    _payload: ReplayedPayload | None = None
     _layout: Layout = field(default_factory=lambda: Layout((), ()))
     _begun_s: float | None = None
     _tick: int = -1
@@ -94,7 +94,7 @@ class ReplayedRows:
     def _restart(self, snapshot: Snapshot) -> None:
         c = self._configuration = changed_configuration(snapshot, self.changes)
         self._estimator = build_estimator(c, model_of(c, snapshot.urdf))
-        self._carried = Carried(self.changes, c, self._estimator.model)
+        self._payload = ReplayedPayload(self.changes, c, self._estimator.model)
         self._layout = Layout(
             tuple(c.joint_names), tuple(variant.name for variant in c.estimator.beside)
         )
@@ -126,11 +126,11 @@ class ReplayedRows:
         follows = states[0].tick == self._tick + 1
         if not follows and not self.fresh:
             self._estimator = None
-        if self._estimator is None or self._carried is None:
+        if self._estimator is None or self._payload is None:
             return None
         if not follows:
             self._estimator.restart()
-        self._carried.apply(self._estimator, states[0])
+        self._payload.apply(self._estimator, states[0])
         made = self._estimator.run(self._layout.samples(states), resets(self._mode, states))
         begun = self._mode != ""
         self._tick, self._mode = states[-1].tick, str(states[-1].mode)

@@ -120,7 +120,7 @@ class RowsGatherer:
         for k, state in enumerate(states):
             if k and state.tick != states[k - 1].tick + 1:
                 self._stretches.append(self.rows + k)
-            self._heed(state)
+            self._process_state(state)
         self._tick, self._ended_s = states[-1].tick, states[-1].time_s
         self.rows += len(states)
         if states[0].level_share is None:
@@ -145,7 +145,7 @@ class RowsGatherer:
         found = [state.beside.get(name, nothing) for state in states]
         return np.array([row if len(row) == self._n else nothing for row in found])
 
-    def _heed(self, state: State) -> None:
+    def _process_state(self, state: State) -> None:
         if self._reaction_s is None:
             changed = any(notice.kind == "mode" for notice in state.notices)
             touched = any(notice.contact is not None for notice in state.notices)

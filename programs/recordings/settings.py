@@ -2,7 +2,7 @@
 
 PATH is the path of a setting, with joints by name: `estimator.gain=20`,
 `joints.LElbowYaw.friction.motor_coulomb=0.4`. `identified=FILE` uses another identified.yaml, and
-`payload=VALUE` sets the payload in the hand (`carried`). VALUE is YAML.
+`payload=VALUE` sets the payload in the hand (`replayed_payload`). VALUE is YAML.
 """
 
 import re

@@ -69,7 +69,7 @@ class TouchPoint:
 
 
 @dataclass(slots=True)
-class MostLikely:
+class LinkDecision:
     """Decision on the touched link, by its joint: the most likely one at present, the weighted time
     for which it has been so, and sums of probabilities by joint."""
 
@@ -107,7 +107,7 @@ class TouchFinder:
                 surfaces[frame.child] = [_BALL_M * _unit_ball()]
         self.surfaces = {link: np.concatenate(parts) for link, parts in surfaces.items()}
         self._r, self._lag = np.full((2, len(self._names)), np.nan)
-        self._ticks, self._likely = 0, MostLikely()
+        self._ticks, self._likely = 0, LinkDecision()
         self._found: TouchPoint | None = None
         self._time_s = np.inf
         self.frames: dict[str, tuple[Matrix, Vector]] = {}
@@ -143,7 +143,7 @@ class TouchFinder:
         self._lag = np.maximum(rate, np.nan_to_num(self._lag) / (1.0 + _GAIN * dt))
         self._r = r
         if not np.any(np.abs(r) > threshold):
-            self._ticks, self._likely, self._found = 0, MostLikely(), None
+            self._ticks, self._likely, self._found = 0, LinkDecision(), None
             return None
         if self._ticks % _EVERY == 0:
             usual = share * self._contact

@@ -20,7 +20,7 @@ from common.errors import ContactdError, LogError
 from estimator.alarms import critical_collision, critical_level
 from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
 from programs.recordings.labels import ANY, Label
-from programs.recordings.question import ARM, COLLISION, Answer, Curve, Found, Question
+from programs.recordings.question import ARM, COLLISION, Answer, Curve, FoundContact, Question
 from programs.recordings.row_cache import CachedRows, content_digest
 from programs.recordings.rows import MATRICES, Rows, RowsHeader
 
@@ -220,7 +220,7 @@ class _Contacts:
     def __init__(self, header: RowsHeader) -> None:
         self._joints = header.joints
         self._before = np.zeros(len(header.joints))
-        self.found: list[Found] = []
+        self.found: list[FoundContact] = []
         self.most_N = 0.0  # at the tool
 
     def forget(self) -> None:
@@ -235,7 +235,7 @@ class _Contacts:
         for k, i in np.argwhere((beyond != 0.0) & (beyond * before <= 0.0)).tolist():
             if len(self.found) < MOST_CONTACTS:
                 self.found.append(
-                    Found(
+                    FoundContact(
                         float(rows.time_s[k]),
                         self._joints[i],
                         float(rows.residual[k, i]),
@@ -244,7 +244,7 @@ class _Contacts:
                 )
 
 
-def _contacts(parts: Iterator[Rows], header: RowsHeader) -> tuple[list[Found], float]:
+def _contacts(parts: Iterator[Rows], header: RowsHeader) -> tuple[list[FoundContact], float]:
     """Contacts of all rows at the levels in force, and the largest force at the tool [N]."""
     debounce, found = Debounce(len(header.joints), header.debounce), _Contacts(header)
     for rows in parts:

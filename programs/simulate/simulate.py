@@ -15,15 +15,15 @@ from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
 from programs.command_line.sentences import say
 from programs.simulate.simulated_robot import refused_drives, supplied_values, true_arm
-from simulator.hand_door import HandDoor
 from simulator.hand_script import read_script
+from simulator.hand_socket import HandSocket
 from simulator.server import Server, serve, serve_on_bus
 
 
 def run_simulation(
-    robot: Robot, seed: int | None, friction: str | None, hand: Path | None, door: Path | None
+    robot: Robot, seed: int | None, friction: str | None, hand: Path | None, socket: Path | None
 ) -> None:
-    """Simulate until SIGTERM or SIGINT; `door`: socket of the live hand, None for the default.
+    """Simulate until SIGTERM or SIGINT; `socket`: of the live hand, None for the default.
     Raises ContactdError."""
     description, simulation = true_arm(robot)
     for sentence in (*refused_drives(robot, simulation), *supplied_values(description)):
@@ -35,8 +35,8 @@ def run_simulation(
     # Simulated drives need real-time priority to be as punctual as real ones.
     go_realtime()
     bus = robot.configuration.bus
-    with _live_hand(door) as live:
-        both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "door": live}
+    with _live_hand(socket) as live:
+        both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "hand": live}
         match bus.interface:
             case "socketcand":
                 serve(Server(description, settings, host=bus.host, port=bus.port, **both))
@@ -52,12 +52,12 @@ def run_simulation(
 
 
 @contextmanager
-def _live_hand(chosen: Path | None) -> Iterator[HandDoor | None]:
+def _live_hand(chosen: Path | None) -> Iterator[HandSocket | None]:
     """Context with the socket of the live hand. If another simulation uses the default, there is
     none, with a message. Raises BusError if a chosen one is in use."""
-    door: HandDoor | None = None
+    hand_socket: HandSocket | None = None
     try:
-        door = HandDoor(chosen or default_hand_path())
+        hand_socket = HandSocket(chosen or default_hand_path())
     except BusError as error:
         if chosen is not None:
             raise
@@ -65,7 +65,7 @@ def _live_hand(chosen: Path | None) -> Iterator[HandDoor | None]:
             f"contactd: no live hand here: {error} (choose another: --hand-socket)", err=True
         )
     try:
-        yield door
+        yield hand_socket
     finally:
-        if door is not None:
-            door.close()
+        if hand_socket is not None:
+            hand_socket.close()

@@ -77,7 +77,7 @@ class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     joints: dict[str, JointDay] = msgspec.field(default_factory=dict)
 
 
-def gone_on(day: Day, identified: dict[str, str]) -> Day:
+def continued_day(day: Day, identified: dict[str, str]) -> Day:
     """Day to be continued with the present identification, without the sums of joints that were
     identified since, which refer to another friction and gap."""
     same = {

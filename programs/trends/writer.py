@@ -22,7 +22,7 @@ import numpy as np
 from common.errors import LogError
 from daemon.protocol.trend_row import row_length
 from daemon.service.journal import log_to_stderr
-from programs.trends.day import Day, aside, gone_on, read_day, read_days, today, write_day
+from programs.trends.day import Day, aside, continued_day, read_day, read_days, today, write_day
 from programs.trends.findings import warnings
 from programs.trends.gather import Gatherer
 
@@ -100,7 +100,7 @@ class Writer:
                 if day is None:
                     _log.warning("trends: damaged record set aside: %s", aside(path))
                 else:
-                    self._days[date] = gone_on(day, self._identified)
+                    self._days[date] = continued_day(day, self._identified)
             except OSError as error:
                 _log.warning("trends: %s: %s", path, error.strerror)
 

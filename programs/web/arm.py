@@ -80,10 +80,6 @@ class Arm:
         self.audience.add(browser)
         self._changed.set()
 
-    def tell(self, event: words.Event) -> None:
-        """Add an event of the page itself to the event log."""
-        self._add_events([event])
-
     def _add_events(self, news: list[words.Event]) -> None:
         if news:
             self._events.extend(news)

@@ -24,7 +24,7 @@ REQUEST_S: Final = 30.0  # timeout from there to the end of the answer, for very
 SEND_BUFFER_BYTES: Final = 1 << 16
 
 
-class Crowd:
+class ConnectionLimiter:
     """Connections that occupy places, and those of them that may be dropped, oldest first."""
 
     def __init__(self, places: Places) -> None:
@@ -37,7 +37,7 @@ class Crowd:
             other = self._makes_room(address)
             if other is None:
                 return False
-            other.hang_up()
+            other.abort()
         self._movable[connection] = address
         return True
 
@@ -63,18 +63,18 @@ class Crowd:
 class BoundedConnection(asyncio.Protocol):
     """Protocol that forwards everything to `inner` while its connection has a place."""
 
-    def __init__(self, inner: asyncio.Protocol, crowd: Crowd) -> None:
-        self._inner, self._crowd = inner, crowd
+    def __init__(self, inner: asyncio.Protocol, limiter: ConnectionLimiter) -> None:
+        self._inner, self._limiter = inner, limiter
         self._transport: asyncio.Transport | None = None  # None if it never had a place
         self._address: str | None = None  # None if it has no place
         self._end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take a place, or hang up."""
+        """Take a place, or abort."""
         assert isinstance(transport, asyncio.Transport)
         peer = transport.get_extra_info("peername")
         address = peer[0] if isinstance(peer, tuple) else ""  # empty for unix sockets
-        if not self._crowd.enter(self, address):
+        if not self._limiter.enter(self, address):
             transport.abort()
             return
         self._transport, self._address = transport, address
@@ -101,18 +101,18 @@ class BoundedConnection(asyncio.Protocol):
     def keep(self) -> None:
         """Protect the connection from being dropped."""
         if self._address is not None:
-            self._crowd.keep(self)
+            self._limiter.keep(self)
 
     def release(self) -> None:
         """Allow the connection to be dropped again."""
         if self._address is not None:
-            self._crowd.release(self, self._address)
+            self._limiter.release(self, self._address)
 
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Give the place back and abort the connection."""
         if self._address is None or self._transport is None:
             return
-        self._crowd.leave(self, self._address)
+        self._limiter.leave(self, self._address)
         self._address = None
         self._transport.abort()
 
@@ -121,7 +121,7 @@ class BoundedConnection(asyncio.Protocol):
         if self._transport is None:
             return
         if self._address is not None:
-            self._crowd.leave(self, self._address)
+            self._limiter.leave(self, self._address)
             self._address = None
         self.stay()
         self._inner.connection_lost(exc)
@@ -178,5 +178,5 @@ def bounded(
     make: Callable[[], asyncio.Protocol], places: Places
 ) -> Callable[[], BoundedConnection]:
     """Factory of bounded connections around protocols made by `make`."""
-    crowd = Crowd(places)
-    return lambda: BoundedConnection(make(), crowd)
+    limiter = ConnectionLimiter(places)
+    return lambda: BoundedConnection(make(), limiter)

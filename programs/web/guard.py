@@ -53,7 +53,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True)
-class Doorstep:
+class OriginRules:
     """Rules on Host and Origin: allowed hosts, and whether a proxy in front provides TLS."""
 
     hosts: frozenset[str]  # as in a Host header, with the port unless it is the default

@@ -17,7 +17,7 @@ from aiohttp import web
 from common.errors import ConfigurationError, UnreachableError
 from programs.web.connections import bounded
 from programs.web.elsewhere_routes import Others
-from programs.web.guard import LEAST_TOKEN, Doorstep, Places, hosts_of
+from programs.web.guard import LEAST_TOKEN, OriginRules, Places, hosts_of
 from programs.web.server import Settings, Site
 
 UNIX: Final = "unix:"
@@ -70,7 +70,7 @@ def settings_of(
     given = frozenset(name.lower() for name in hosts)
     return Settings(
         view_sockets=tuple(view_sockets),
-        doorstep=Doorstep(
+        origin_rules=OriginRules(
             hosts_of(sorted(names), port)
             | hosts_of([name for name in given if not _has_port(name)], None if proxied else port)
             | {name for name in given if _has_port(name)},
@@ -165,7 +165,7 @@ async def serving(
         yield site
     finally:
         server.close()
-        site.hang_up()
+        site.abort()
         await runner.cleanup()
 
 

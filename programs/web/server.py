@@ -19,7 +19,7 @@ from programs.web.elsewhere_routes import ElsewhereRoutes, Others
 from programs.web.guard import (
     COOKIE,
     HEADERS,
-    Doorstep,
+    OriginRules,
     Places,
     Refusal,
     TokenCheck,
@@ -45,7 +45,7 @@ class Settings:
     """Settings from the command line."""
 
     view_sockets: tuple[Path, ...]
-    doorstep: Doorstep
+    origin_rules: OriginRules
     token: str
     read_only: bool
     recordings: Path | None  # None: recording is not offered
@@ -77,7 +77,7 @@ class Site:
             RecordingRoutes(self.recorder, self._arm).add_to(app.router)
         if self.others:
             ElsewhereRoutes(self.others).add_to(app.router)
-        PageRoutes(self.token, self._address, tls=self.settings.doorstep.tls).add_to(app.router)
+        PageRoutes(self.token, self._address, tls=self.settings.origin_rules.tls).add_to(app.router)
         app.cleanup_ctx.append(self._running)
         return app
 
@@ -140,10 +140,10 @@ class Site:
             may_record=may and self.recorder is not None,
         )
 
-    def hang_up(self) -> None:
-        """Hang up on all browsers before the end; they reconnect by themselves."""
-        for hang_up in list(self._open):
-            hang_up()
+    def abort(self) -> None:
+        """Abort all connections of browsers before the end; they reconnect by themselves."""
+        for abort in list(self._open):
+            abort()
 
     # --- who may ask --------------------------------------------------------------------------
 
@@ -165,7 +165,9 @@ class Site:
 
     def _refusal(self, request: web.Request) -> Refusal | None:
         upgrades = request.path.startswith("/live/")
-        refusal = self.settings.doorstep.refusal(request.method, request.headers, upgrades=upgrades)
+        refusal = self.settings.origin_rules.refusal(
+            request.method, request.headers, upgrades=upgrades
+        )
         if refusal is not None:
             return refusal
         open_to_all = request.path in ("/", "/enter", "/page.css", "/icon.svg")
@@ -222,21 +224,21 @@ class Site:
                 if shown := self.elsewhere():
                     browser.text(shown)
 
-                def hang_up() -> None:
+                def abort() -> None:
                     """Abort the connection and discard queued messages, as it may be stuck."""
                     if request.transport is not None:
                         request.transport.abort()
 
-                self._open.add(hang_up)
-                sending = asyncio.create_task(_send(socket, browser, hang_up))
+                self._open.add(abort)
+                sending = asyncio.create_task(_send(socket, browser, abort))
                 try:
                     await _until_closed(socket)
                 finally:
-                    self._open.discard(hang_up)
+                    self._open.discard(abort)
                     arm.audience.remove(browser)
                     sending.cancel()
                     await asyncio.gather(sending, return_exceptions=True)
-                    hang_up()
+                    abort()
         finally:
             self.places.leave(address)
         return socket
@@ -251,9 +253,7 @@ class Site:
             return as_json(await carry_out(arm.path, command, who))
 
 
-async def _send(
-    socket: web.WebSocketResponse, browser: Browser, hang_up: Callable[[], None]
-) -> None:
+async def _send(socket: web.WebSocketResponse, browser: Browser, abort: Callable[[], None]) -> None:
     """Send queued messages until cancelled; hang up if the browser does not receive."""
     try:
         while True:
@@ -264,7 +264,7 @@ async def _send(
                 else:
                     await socket.send_bytes(message)
     except (TimeoutError, ConnectionError):
-        hang_up()
+        abort()
 
 
 async def _until_closed(socket: web.WebSocketResponse) -> None:

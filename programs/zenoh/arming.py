@@ -17,7 +17,7 @@ from daemon.protocol.requests import Arm, Renew, Request
 from daemon.protocol.text import on_behalf_of
 from programs.clients.client import Client
 from programs.zenoh.cdr import read_flag
-from programs.zenoh.holding import HOLD_S, LET_GO, Hold, Step, Verdict, Wish
+from programs.zenoh.holding import HOLD_S, RELEASE_FIRST, ArmCall, Hold, Step, Verdict
 from programs.zenoh.messages import outcome
 from programs.zenoh.services import Act, Call, Offer, Outcome
 
@@ -71,23 +71,23 @@ class Arming:
         self._line = None
 
     def _carry_out(self, call: Call) -> Outcome:
-        wish = Wish(call.gid, read_flag(call.request), call.sent_s)
-        if wish.armed and not any(call.gid):
+        request = ArmCall(call.gid, read_flag(call.request), call.sent_s)
+        if request.armed and not any(call.gid):
             return False, "a call without an attachment: its caller is unknown"
-        verdict = self._hold.judge(wish, self._clock())
+        verdict = self._hold.judge(request, self._clock())
         match verdict.step:
             case Step.NOTHING:
                 return False, verdict.why
             case Step.DISARM:
-                self._hold.let_go(wish.caller)
+                self._hold.release(request.caller)
                 self.close()
                 return self._disarm(call.caller)
             case Step.ARM:
-                return self._arm(call, wish, verdict)
+                return self._arm(call, request, verdict)
             case Step.RENEW:
-                return self._renew(call, wish, verdict)
+                return self._renew(call, request, verdict)
 
-    def _arm(self, call: Call, wish: Wish, verdict: Verdict) -> Outcome:
+    def _arm(self, call: Call, request: ArmCall, verdict: Verdict) -> Outcome:
         self.close()
         try:
             self._line = self._connect()
@@ -98,10 +98,10 @@ class Arming:
         if not reply.ok:
             self.close()
             return False, reply.refusal
-        self._hold.granted(wish, verdict.lease_s, self._clock())
+        self._hold.granted(request, verdict.lease_s, self._clock())
         return True, reply.message
 
-    def _renew(self, call: Call, wish: Wish, verdict: Verdict) -> Outcome:
+    def _renew(self, call: Call, request: ArmCall, verdict: Verdict) -> Outcome:
         try:
             reply = self._ask("renew", call, verdict)
         except ContactdError as error:
@@ -109,8 +109,8 @@ class Arming:
             return False, f"not reached: {error}"
         if not reply.ok:
             self._lose()
-            return False, f"{LET_GO} ({reply.refusal})"
-        self._hold.granted(wish, verdict.lease_s, self._clock())
+            return False, f"{RELEASE_FIRST} ({reply.refusal})"
+        self._hold.granted(request, verdict.lease_s, self._clock())
         return True, reply.message
 
     def _lose(self) -> None:

@@ -85,7 +85,7 @@ class Fleet:
         if len(nodes) <= MOST_OF_ONE_NAME:
             self._put(replace(arm, nodes=nodes))
 
-    def hear(self, diagnoses: list[Diagnosis], now_s: float) -> None:
+    def on_diagnostics(self, diagnoses: list[Diagnosis], now_s: float) -> None:
         """Take a message on `/diagnostics`; those of other programs are ignored."""
         for found in diagnoses:
             prefix, _, name = found.name.partition(": ")

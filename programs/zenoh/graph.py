@@ -206,13 +206,13 @@ class Graph:
 
 
 def configuration(
-    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1, option: str = "--connect"
+    connect: tuple[str, ...], file: Path | None, timeout_ms: int = -1, option: str = "--connect"
 ) -> zenoh.Config:
     """Configuration of a session, from a file or for a client of these routers. A client, also by a
-    file, waits `patience_ms` for its router, or forever if negative. Ours neither listens on a port
+    file, waits `timeout_ms` for its router, or forever if negative. Ours neither listens on a port
     nor sends multicast. Raises ConfigurationError for an invalid file, endpoint or key."""
     if file is not None:
-        return _of_file(file, patience_ms)
+        return _of_file(file, timeout_ms)
     for where in connect:
         if not ENDPOINT.fullmatch(where):
             raise ConfigurationError(
@@ -222,8 +222,8 @@ def configuration(
     values: dict[str, Any] = {
         "mode": '"client"',
         "connect/endpoints": "[" + ", ".join(f'"{where}"' for where in connect) + "]",
-        "connect/timeout_ms": str(patience_ms),
-        "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
+        "connect/timeout_ms": str(timeout_ms),
+        "connect/exit_on_failure": "false" if timeout_ms < 0 else "true",
         "scouting/multicast/enabled": "false",
         "timestamping/enabled": "true",  # needed for latched topics
         "transport/shared_memory/enabled": "false",  # sandboxes may forbid it, and peers are remote
@@ -241,14 +241,14 @@ def reason(error: zenoh.ZError) -> str:
     return SOURCES.sub("", str(error))
 
 
-def _of_file(file: Path, patience_ms: int) -> zenoh.Config:
+def _of_file(file: Path, timeout_ms: int) -> zenoh.Config:
     try:
         config = zenoh.Config.from_file(file)
     except zenoh.ZError as error:
         raise ConfigurationError(f"{file}: refused by Zenoh: {reason(error)}") from error
     _refuse_wrong_keys(config, file)
-    if patience_ms >= 0 and json.loads(config.get_json("mode")) == "client":
-        config.insert_json5("connect/timeout_ms", str(patience_ms))
+    if timeout_ms >= 0 and json.loads(config.get_json("mode")) == "client":
+        config.insert_json5("connect/timeout_ms", str(timeout_ms))
         config.insert_json5("connect/exit_on_failure", "true")
     return config
 

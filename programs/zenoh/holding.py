@@ -21,10 +21,10 @@ HOLD_S: Final = 0.8
 LEAST_S: Final = 0.05  # least lease: a shorter one would end before it is served
 DRIFT: Final = 1e-3  # largest drift of a caller's clock against ours; slewing causes half of it
 MOST_LOST: Final = 64
-MOST_KNOCKS: Final = 64
-KNOCK_S: Final = 0.3  # least time from a caller's first call to the one that arms
+MOST_FIRST_CALLS: Final = 64
+FIRST_CALL_S: Final = 0.3  # least time from a caller's first call to the one that arms
 WOBBLE_S: Final = 0.05  # largest difference of their delays
-LET_GO: Final = "no longer armed: call with false first, then with true"
+RELEASE_FIRST: Final = "no longer armed: call with false first, then with true"
 ONCE: Final = f"a single call may be an old one: keep calling, at least every {HOLD_S:g} s"
 
 
@@ -38,7 +38,7 @@ class Step(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ArmCall:
     """One call with value `armed`, from the caller with this GID, sent at `sent_s` by its clock."""
 
     caller: bytes
@@ -65,51 +65,51 @@ class Hold:
     _read_s: float = 0.0  # time of the last update of the offset
     _lost: deque[bytes] = field(default_factory=lambda: deque(maxlen=MOST_LOST))
     # Sending and arrival times of first calls, by caller.
-    _knocks: dict[bytes, tuple[float, float]] = field(default_factory=dict)
+    _first_calls: dict[bytes, tuple[float, float]] = field(default_factory=dict)
 
-    def judge(self, wish: Wish, now_s: float) -> Verdict:
+    def judge(self, call: ArmCall, now_s: float) -> Verdict:
         """Verdict on a call at time `now_s`."""
-        if not wish.armed:
+        if not call.armed:
             return Verdict(Step.DISARM)
-        if wish.caller == self._holder and now_s >= self._until_s:
+        if call.caller == self._holder and now_s >= self._until_s:
             self.lose()
-        if wish.caller == self._holder:
-            late_s = self._late_s(wish.sent_s, now_s)
+        if call.caller == self._holder:
+            late_s = self._late_s(call.sent_s, now_s)
             if HOLD_S - late_s < LEAST_S:
                 return Verdict(Step.NOTHING, why=f"{late_s:.1f} s later than its fastest call")
             return Verdict(Step.RENEW, HOLD_S - late_s)
-        return self._of_another(wish, now_s)
+        return self._of_another(call, now_s)
 
-    def _of_another(self, wish: Wish, now_s: float) -> Verdict:
+    def _of_another(self, call: ArmCall, now_s: float) -> Verdict:
         """Verdict on a call with true from a caller that does not hold the arm."""
-        if wish.caller in self._lost:
-            return Verdict(Step.NOTHING, why=LET_GO)
+        if call.caller in self._lost:
+            return Verdict(Step.NOTHING, why=RELEASE_FIRST)
         if self._holder is not None and now_s < self._until_s:
             return Verdict(Step.NOTHING, why="another client keeps it armed")
-        if not self._lives(wish, now_s):
+        if not self._is_live(call, now_s):
             return Verdict(Step.NOTHING, why=ONCE)
         return Verdict(Step.ARM, HOLD_S)
 
-    def _lives(self, wish: Wish, now_s: float) -> bool:
+    def _is_live(self, call: ArmCall, now_s: float) -> bool:
         """True if calls arrive at the intervals at which they were sent. A router that hung
         delivers its backlog at once, perhaps from a caller that is gone."""
-        sent_s, came_s = self._knocks.get(wish.caller, (wish.sent_s, now_s - 2.0 * HOLD_S))
+        sent_s, came_s = self._first_calls.get(call.caller, (call.sent_s, now_s - 2.0 * HOLD_S))
         apart_s = now_s - came_s
-        if apart_s > HOLD_S or abs(apart_s - (wish.sent_s - sent_s)) > WOBBLE_S:
-            self._knocks.pop(wish.caller, None)
-            if len(self._knocks) >= MOST_KNOCKS:
-                del self._knocks[next(iter(self._knocks))]
-            self._knocks[wish.caller] = (wish.sent_s, now_s)
+        if apart_s > HOLD_S or abs(apart_s - (call.sent_s - sent_s)) > WOBBLE_S:
+            self._first_calls.pop(call.caller, None)
+            if len(self._first_calls) >= MOST_FIRST_CALLS:
+                del self._first_calls[next(iter(self._first_calls))]
+            self._first_calls[call.caller] = (call.sent_s, now_s)
             return False
-        return apart_s >= KNOCK_S
+        return apart_s >= FIRST_CALL_S
 
-    def granted(self, wish: Wish, lease_s: float, now_s: float) -> None:
+    def granted(self, call: ArmCall, lease_s: float, now_s: float) -> None:
         """Record that the daemon carried out the verdict on a call with true."""
-        if wish.caller != self._holder:
+        if call.caller != self._holder:
             self.lose()
-            self._holder = wish.caller
-            self._knocks.pop(wish.caller, None)
-            self._offset_s, self._read_s = now_s - wish.sent_s, now_s
+            self._holder = call.caller
+            self._first_calls.pop(call.caller, None)
+            self._offset_s, self._read_s = now_s - call.sent_s, now_s
         self._until_s = now_s + lease_s
 
     def lose(self) -> None:
@@ -118,7 +118,7 @@ class Hold:
             self._lost.append(self._holder)
         self._holder = None
 
-    def let_go(self, caller: bytes) -> None:
+    def release(self, caller: bytes) -> None:
         """Record that this caller released the arm and may arm again; another holder loses it."""
         if self._holder == caller:
             self._holder = None

@@ -105,7 +105,7 @@ class Supervisor:
         with contextlib.suppress(CdrError):
             found = read_diagnostic_array(sample.payload.to_bytes())
             with self._lock:
-                self._fleet.hear(found, time.monotonic())
+                self._fleet.on_diagnostics(found, time.monotonic())
 
     def _touch(self, sample: zenoh.Sample) -> None:
         with contextlib.suppress(CdrError):
@@ -116,12 +116,12 @@ class Supervisor:
 
 @contextlib.contextmanager
 def supervising(
-    connect: tuple[str, ...], file: Path | None, domain: int, distro: Distro, patience_ms: int
+    connect: tuple[str, ...], file: Path | None, domain: int, distro: Distro, timeout_ms: int
 ) -> Iterator[Supervisor]:
     """Context with a supervisor at these routers, or by a configuration file. Raises
-    UnreachableError if no router answers within `patience_ms`, ConfigurationError as
+    UnreachableError if no router answers within `timeout_ms`, ConfigurationError as
     `configuration`."""
-    config = configuration(connect, file, patience_ms)
+    config = configuration(connect, file, timeout_ms)
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:

@@ -166,7 +166,7 @@ class DamiaoMotor(Motor):
         full = MODELS[self.make.model].max_current_A
         share = c.share if mode == r.HYBRID else v[r.OVER_CURRENT]
         if mode == r.MIT:
-            self._impede(per_ampere, share * full)
+            self._set_impedance(per_ampere, share * full)
             return
         self._laws.release(joint)
         if not self._servo.energised(joint):

@@ -10,7 +10,7 @@ from simulator.motor import Command, to_float, to_uint
 
 GET_ID, CONTROL, FEEDBACK, ENABLE, STOP, ZERO = 0, 1, 2, 3, 4, 6
 READ, WRITE, FAULTS, SAVE = 17, 18, 21, 22
-EVERYBODY = 0xFE  # broadcast address of an answer to GET_ID
+BROADCAST = 0xFE  # broadcast address of an answer to GET_ID
 _FOUR = struct.Struct(">HHHH")
 
 

@@ -163,7 +163,7 @@ class RobStrideMotor(Motor):
 
     def _send_id(self) -> None:
         uid = self.make.uid + self.can_id
-        self._send(identifier(f.GET_ID, self.can_id, f.EVERYBODY), uid.to_bytes(8, "little"))
+        self._send(identifier(f.GET_ID, self.can_id, f.BROADCAST), uid.to_bytes(8, "little"))
 
     def _answer(self) -> None:
         self._wired.sample()
@@ -187,4 +187,4 @@ class RobStrideMotor(Motor):
             return
         constant = self._model.torque_constant
         highest = min(self._model.max_current_A, self.parameters[LIMIT_TORQUE] / constant)
-        self._impede(constant, highest)
+        self._set_impedance(constant, highest)

@@ -27,13 +27,13 @@ from programs.clients.client import Client
 from programs.clients.reload import reload
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 """An awaited event comes in a second; a machine beside many others may take a minute."""
 
 
 def eventually(what: Callable[[], object], why: Callable[[], str]) -> None:
     """Wait for `what` on a machine that may be busy; never a maximum to hold."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not what():
         assert time.monotonic() < deadline, why()
         time.sleep(0.02)
@@ -85,7 +85,7 @@ class Daemon:
 
     def ended(self) -> tuple[int, str]:
         """Exit status and log."""
-        _, log = self.process.communicate(timeout=PATIENCE_S)
+        _, log = self.process.communicate(timeout=TIMEOUT_S)
         return self.process.returncode, log
 
 
@@ -153,7 +153,7 @@ def simulated(robot: Path) -> Iterator[Simulator]:
         reader.start()
         yield simulator
         process.kill()
-        reader.join(PATIENCE_S)
+        reader.join(TIMEOUT_S)
 
 
 @pytest.fixture
@@ -189,10 +189,10 @@ def test_twice_then_stopped_then_terminated_while_moving(
         gone_afterwards(run(simulator, daemon.door)) as second,
         gone_afterwards(run(simulator, tmp_path / "other")) as third,
     ):
-        _, said = second.communicate(timeout=PATIENCE_S)
+        _, said = second.communicate(timeout=TIMEOUT_S)
         assert second.returncode == 1
         assert f"another contactd (pid {daemon.process.pid}) serves" in said
-        _, said = third.communicate(timeout=PATIENCE_S)
+        _, said = third.communicate(timeout=TIMEOUT_S)
         assert third.returncode == 69
         assert re.search(r"another master .*is on this bus", said)  # its heartbeat, or its SYNC
     assert daemon.mode() == "tracking", "the first one does not mind"
@@ -235,7 +235,7 @@ def frames_mean(daemon: Daemon) -> str:
     program = contactd(
         "black-box", "--socket", daemon.door, "--output", log, stdout=subprocess.PIPE
     )
-    said, _ = program.communicate(timeout=PATIENCE_S)
+    said, _ = program.communicate(timeout=TIMEOUT_S)
     assert program.returncode == 0
     assert int(said.split()[0]) > 0
     (context,) = log.parent.glob("now*.json")

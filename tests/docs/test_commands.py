@@ -26,7 +26,7 @@ from docs.commands import OURS, ROOT, Named, commands_of, pages
 from programs.command_line.options import Options
 from programs.contactctl import contactctl
 from programs.contactd import contactd
-from programs.foxglove.foxglove_door import main as contactd_foxglove
+from programs.foxglove.server import main as contactd_foxglove
 from programs.web.contactd_web import main as contactd_web
 from programs.zenoh.contactd_zenoh import main as contactd_zenoh
 
@@ -54,7 +54,7 @@ NOT_RUN: Final = (
     (r" contactctl watch", "needs a terminal: tests/programs/contactctl/test_live_states.py"),
     (r" contactctl touches", "goes on until Ctrl-C: tests/programs/contactctl/test_contactctl.py"),
     (r" contactctl health", "reads records of days: tests/programs/trends"),
-    (r" contactctl hand ", "asks a live simulation: tests/simulator/test_hand_door.py"),
+    (r" contactctl hand ", "asks a live simulation: tests/simulator/test_hand_socket.py"),
     (r" contactd plot --last-fault", "needs a fault: tests/programs/recordings/test_recomputed.py"),
     (r" contactd whatif recordings/", "needs workers: tests/programs/recordings/test_whatif.py"),
     (r" make ", "builds, tests or installs"),

@@ -16,7 +16,7 @@ from daemon.protocol.socket_path import default_hand_path
 from programs.contactctl.contactctl import main as contactctl
 from programs.contactd.contactd import main as contactd
 from programs.simulate.simulated_robot import true_arm
-from simulator.hand_door import HandDoor
+from simulator.hand_socket import HandSocket
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "first_arm.md"
@@ -99,9 +99,9 @@ class Terminals:
 
         def listen() -> None:
             while not over.wait(0.005):
-                door.serve(served.rig.arm.hand.take)
+                hand_socket.serve(served.rig.arm.hand.take)
 
-        with closing(HandDoor(default_hand_path())) as door:
+        with closing(HandSocket(default_hand_path())) as hand_socket:
             listener = threading.Thread(target=listen)
             listener.start()
             try:

@@ -6,18 +6,18 @@ from hypothesis import strategies as st
 
 from drivers.presence import Presence
 
-PATIENCE_S, T = 0.1, 0.01
+MASTER_TIMEOUT_S, T = 0.1, 0.01
 
 
 @pytest.fixture
 def presence() -> Presence:
-    presence = Presence(PATIENCE_S, T)
+    presence = Presence(MASTER_TIMEOUT_S, T)
     presence.begin(10.0)
     return presence
 
 
 def test_no_one_has_heard_us_before_we_began() -> None:
-    fresh = Presence(PATIENCE_S, T)
+    fresh = Presence(MASTER_TIMEOUT_S, T)
     assert fresh.beats(0.0)
     assert fresh.gap_s(0.0) == float("inf")
 
@@ -48,9 +48,9 @@ def test_a_gap_is_nearly_the_patience_and_is_reported_once(
 
 
 @given(st.floats(0.003, 10.0), st.floats(0.001, 0.1))
-def test_who_beats_when_it_is_due_is_never_absent(patience_s: float, share: float) -> None:
-    period_s = patience_s * min(share, 1 / 3)
-    presence, now = Presence(patience_s, period_s), 0.0
+def test_who_beats_when_it_is_due_is_never_absent(master_timeout_s: float, share: float) -> None:
+    period_s = master_timeout_s * min(share, 1 / 3)
+    presence, now = Presence(master_timeout_s, period_s), 0.0
     presence.begin(now)
     for _ in range(100):
         now += period_s

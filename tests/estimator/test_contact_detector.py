@@ -43,9 +43,9 @@ class Detector:
         self.detector = ContactDetector(("a", "b"), levels, self.debounce)
         self.put(NONE, NONE)
 
-    def put(self, unsure: np.ndarray, theta_dot: np.ndarray) -> list[float]:
+    def put(self, uncertainty: np.ndarray, theta_dot: np.ndarray) -> list[float]:
         levels, speed = self.detector.levels, np.abs(theta_dot)
-        return [levels.put_in_force(i, 0.0, unsure[i], speed[i], 0.01) for i in range(2)]
+        return [levels.put_in_force(i, 0.0, uncertainty[i], speed[i], 0.01) for i in range(2)]
 
     def step(
         self, residual: Sequence[float], time_s: float = 0.0, absent: Sequence[bool] = ()

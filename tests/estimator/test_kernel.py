@@ -69,7 +69,7 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
     compiled, python = (kernel_of(modules, like) for modules in (built(), plain()))
     if type(compiled).step is type(python).step:
         pytest.skip("the modules are not compiled here")
-    came, flags = golden.arrivals(300), 0
+    arrived, flags = golden.arrivals(300), 0
     for k in range(300):
         m, at = pushed_motion, 650 + k
         samples = np.array([m.current[at], m.theta_dot[at], m.theta[at], m.q[at]])
@@ -77,7 +77,7 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
         answers = []
         for kernel in (compiled, python):
             np.asarray(kernel.alignment.samples)[:] = samples
-            np.asarray(kernel.came)[:] = came[k] | (k in (120, 180))
+            np.asarray(kernel.arrived)[:] = arrived[k] | (k in (120, 180))
             if k == 220:
                 kernel.restart(3)
             if k == 260:

@@ -41,8 +41,8 @@ def levels(share: float = 1.0, **settings: Any) -> Levels:
     return made
 
 
-def put(made: Levels, unsure: float = 0.0, speed: float = 0.0, dt: float = T) -> list[float]:
-    return [made.put_in_force(i, 0.0, unsure, speed, dt) for i in range(2)]
+def put(made: Levels, uncertainty: float = 0.0, speed: float = 0.0, dt: float = T) -> list[float]:
+    return [made.put_in_force(i, 0.0, uncertainty, speed, dt) for i in range(2)]
 
 
 # --- friction ------------------------------------------------------------------------------------
@@ -70,7 +70,7 @@ def test_friction_that_may_be_off(
         # rest**4: exp(-(v / 0.05)^2) at twice the speed
         expected = pytest.approx((COULOMB[i] * factor + load) * (unknown + 0.25 * rest**4))
         assert made.friction_at(i, rest, unknown, factor, load) == expected
-        made.rub(i, rest, unknown, factor, load)
+        made.set_friction(i, rest, unknown, factor, load)
         made.end(i)
         assert made.begin[i] == expected
 
@@ -84,7 +84,7 @@ def test_a_residual_of_as_much_friction_shows_as_much(seed: int) -> None:
     for _ in range(200):
         rest, unknown, dt = rng.random(), rng.random(), rng.choice([0.0, T, 2 * T, 0.2])
         for i in (1, 0):
-            made.rub(i, rest, unknown, 1.2, 0.0)
+            made.set_friction(i, rest, unknown, 1.2, 0.0)
             interval.now[ROW["stiction"]] = made.friction_at(i, rest, unknown, 1.2, 0.0)
             if dt > 0.0:
                 interval.integrate(i, dt)
@@ -98,14 +98,14 @@ def test_a_residual_of_as_much_friction_shows_as_much(seed: int) -> None:
 
 def test_it_grows_and_fades_as_the_filter_does() -> None:
     made, share = levels(), 2.0 * GAIN / (2.0 + GAIN * T)
-    made.rub(0, 1.0, 0.0, 1.0, 0.0)
+    made.set_friction(0, 1.0, 0.0, 1.0, 0.0)
     made.end(0)
     whole = 0.25 * COULOMB[0]
     for k in range(1, 30):
         made.integrate(0, T, POLE, share)
         assert made.friction[0] == pytest.approx(whole * (1.0 - POLE**k))
     before = made.friction[0]
-    made.rub(0, 0.0, 0.0, 1.0, 0.0)
+    made.set_friction(0, 0.0, 0.0, 1.0, 0.0)
     made.end(0)
     for k in range(1, 30):
         made.integrate(0, T, POLE, share)
@@ -139,25 +139,25 @@ def test_what_a_joint_may_pretend(
     the same."""
     made, shock = levels(share), max(0.6 - share, 0.0) * shaken
     for i, of_gap in enumerate((0.5 * unknown + max(needed, shock), shock)):
-        found = made.unsure(i, unknown, crossing, shaken, periods)
+        found = made.uncertainty(i, unknown, crossing, shaken, periods)
         assert found == pytest.approx((missing + of_gap) * CONTACT[i])
 
 
 def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
     made = levels()
     np.testing.assert_allclose(put(made), CONTACT)
-    np.testing.assert_allclose(put(made, unsure=0.4), CONTACT + 0.4)
+    np.testing.assert_allclose(put(made, uncertainty=0.4), CONTACT + 0.4)
     left = 0.4
     for dt in (T, T, 3 * T, 0.5 * T, 12 * T):
         left *= np.exp(-0.5 * GAIN * dt)
         np.testing.assert_allclose(put(made, dt=dt), CONTACT + left)
-    np.testing.assert_allclose(put(made, unsure=0.1), CONTACT + 0.1)  # the larger of both
+    np.testing.assert_allclose(put(made, uncertainty=0.1), CONTACT + 0.1)  # the larger of both
 
 
 def test_what_is_raised_comes_on_top_of_friction() -> None:
     made = levels()
     np.asarray(made.friction)[:] = 0.3
-    np.testing.assert_allclose(put(made, unsure=0.4), CONTACT + 0.7)
+    np.testing.assert_allclose(put(made, uncertainty=0.4), CONTACT + 0.7)
     fading = 0.4 * np.exp(-0.5 * GAIN * T)
     np.testing.assert_allclose(put(made), CONTACT + 0.3 + fading)
     np.testing.assert_allclose(made.above, 0.3 + fading)
@@ -186,24 +186,24 @@ def test_levels_may_grow_with_speed() -> None:
     made = levels()
     for speed in (0.0, 0.5, 2.0):
         np.testing.assert_allclose(put(made, speed=speed), CONTACT + speed * PER_SPEED)
-        assert [made.usual(i, speed) for i in range(2)] == put(made, speed=speed)
+        assert [made.configured(i, speed) for i in range(2)] == put(made, speed=speed)
     np.testing.assert_allclose(put(made), CONTACT)
 
 
 def test_collision_levels_are_raised_like_those_of_contacts() -> None:
     made = levels()
-    put(made, unsure=0.4)
+    put(made, uncertainty=0.4)
     np.testing.assert_allclose(made.collision, COLLISION + 0.4)
 
 
 def test_to_ask_for_a_level_changes_nothing() -> None:
     made = levels(0.4)
-    put(made, unsure=0.4)
+    put(made, uncertainty=0.4)
     names = ("begin", "friction", "raised", "above", "contact", "collision", "share", "crossing")
     before = [np.array(getattr(made, name)) for name in names]
     made.friction_at(0, 1.0, 1.0, 1.0, 0.0)
     made.contact_at(0, 0.7)
-    made.unsure(0, True, True, True, 4.0)
+    made.uncertainty(0, True, True, True, 4.0)
     for name, values in zip(names, before, strict=True):
         np.testing.assert_array_equal(getattr(made, name), values, name)
 
@@ -222,10 +222,10 @@ def test_reset_forgets_what_one_joint_had_above() -> None:
     """The interval goes on: what rubs at its beginning is known still."""
     made = levels()
     for i in range(2):
-        made.rub(i, 1.0, 1.0, 1.0, 0.0)
+        made.set_friction(i, 1.0, 1.0, 1.0, 0.0)
         made.end(i)
         made.integrate(i, T, POLE, 20.0)
-    raised = put(made, unsure=0.4)
+    raised = put(made, uncertainty=0.4)
     made.reset(0)
     assert (made.friction[0], made.raised[0]) == (0.0, 0.0)
     assert made.begin[0] == pytest.approx(1.25 * COULOMB[0])

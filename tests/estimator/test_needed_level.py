@@ -272,13 +272,13 @@ def test_more_is_needed_where_a_joint_carries_more_than_motion_has_shown() -> No
 
 
 @pytest.mark.parametrize("beta", [0.0, -9.0, 1e300, np.inf, np.nan])
-@pytest.mark.parametrize("usual", [LEVEL, 0.0])
+@pytest.mark.parametrize("configured", [LEVEL, 0.0])
 def test_whatever_is_carried_lowers_no_level_nor_raises_it_beyond(
-    beta: float, usual: float
+    beta: float, configured: float
 ) -> None:
     learning = shown(600.0, 0.1)
     before = learning.needed.level(0)
-    learning.needed.carry(0, beta, usual)
+    learning.needed.carry(0, beta, configured)
     assert before <= learning.needed.level(0) <= 1.0
     shown(10.0, 0.1, learning)
     learning.needed.carry(0, 0.0, LEVEL)

@@ -173,7 +173,7 @@ def _record(
 ) -> dict[int, MotionLog]:
     """Log of each joint's strokes, all of them branches of one arm."""
     paths = {
-        k: strokes(np.array([s.about]), 0, s.way, s.speed, s.count, PERIOD_S)[:, 0]
+        k: strokes(np.array([s.about]), 0, s.travel, s.speed, s.count, PERIOD_S)[:, 0]
         for k, s in asked.items()
     }
     longest = max(len(path) for path in paths.values())

@@ -11,7 +11,7 @@ from identification.excitation import (
     condition,
     fourier_within,
     point_to_point,
-    soft_run,
+    smooth_path_times,
     trajectory,
 )
 from tests.examples import scaled
@@ -68,7 +68,7 @@ def test_a_joint_without_room_is_named(arm):
 @given(length=st.floats(0.5, 60.0), ramp=st.floats(0.1, 10.0))
 @settings(max_examples=scaled(50))
 def test_soft_run_never_turns_back(length, ramp):
-    s = soft_run(length, ramp, 0.01)
+    s = smooth_path_times(length, ramp, 0.01)
     rate = np.diff(s) / 0.01
     assert s[0] == 0.0
     assert s[-1] == pytest.approx(length, abs=1e-6)

@@ -158,9 +158,9 @@ def test_masses_that_were_identified_are_believed_more(moved, identify, arm, mon
         assert one.noise == other.noise
         assert one.noise["K_theta_s"] > 0.0
         assert one.noise["K_theta_s"] < one.errors["K_theta_s"] < other.errors["K_theta_s"]
-        assert one.unsure < other.unsure
+        assert one.uncertainty < other.uncertainty
         assert one.seconds == pytest.approx(log.measured_s, abs=0.1)
-        assert one.unsure == pytest.approx(
+        assert one.uncertainty == pytest.approx(
             3.92 * max(one.errors[k] / one.values[k] for k in ("K_theta_s", "K_theta_v"))
         )
 

@@ -40,12 +40,12 @@ def test_a_longer_motion_takes_off_noise_and_no_more(noise, stays, seconds):
     one = fit(noise, stays)
     assert one.seconds_for(WIDE) == pytest.approx(seconds, rel=0.01)
     if np.isfinite(seconds):
-        assert one.unsure_after(one.seconds_for(WIDE)) == pytest.approx(WIDE)
-    assert one.unsure_after(1e9) == pytest.approx(3.92 * stays, abs=1e-4)
+        assert one.uncertainty_after(one.seconds_for(WIDE)) == pytest.approx(WIDE)
+    assert one.uncertainty_after(1e9) == pytest.approx(3.92 * stays, abs=1e-4)
 
 
 def test_viscous_friction_that_hardly_matters_is_no_reason():
-    assert fit(0.01, 0.0, viscous=0.0).unsure == pytest.approx(3.92 * 0.01)
+    assert fit(0.01, 0.0, viscous=0.0).uncertainty == pytest.approx(3.92 * 0.01)
 
 
 @pytest.mark.parametrize(

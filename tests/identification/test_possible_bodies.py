@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from estimator.body_inertia import parameters_of, point_mass, pseudo_inertia
-from identification.possible_bodies import PULL, possible, prior, pulled_fit
+from identification.possible_bodies import PENALTY, possible, prior, regularised_fit
 
 BALL = pin.Inertia.FromSphere(2.0, 0.1)
 OFF_CENTER = pin.Inertia(1.0, np.array([0.05, 0.0, -0.1]), np.diag([0.01, 0.012, 0.008]))
@@ -17,7 +17,7 @@ def smallest(parameters: np.ndarray) -> float:
 
 
 def test_without_motion_the_bodies_are_those_of_the_urdf() -> None:
-    found, information = pulled_fit(np.zeros((20, 20)), np.zeros(20), NOMINAL)
+    found, information = regularised_fit(np.zeros((20, 20)), np.zeros(20), NOMINAL)
     assert found == pytest.approx(NOMINAL)
     assert information == pytest.approx(prior(NOMINAL))
 
@@ -26,7 +26,7 @@ def test_what_is_measured_clearly_is_found_and_the_rest_stays() -> None:
     """A first moment of the second body, to a millionth; the first has nothing to do with it."""
     square = np.zeros((20, 20))
     square[11, 11] = 1e12
-    found, _ = pulled_fit(square, square[:, 11] * 0.02, NOMINAL)
+    found, _ = regularised_fit(square, square[:, 11] * 0.02, NOMINAL)
     assert found[1, 1] == pytest.approx(NOMINAL[1, 1] + 0.02, abs=1e-6)
     assert found[0] == pytest.approx(NOMINAL[0])
     assert smallest(found[1]) > 0.0
@@ -39,7 +39,7 @@ def test_no_measurement_makes_a_body_that_cannot_exist(wanted: float) -> None:
         square = np.zeros((20, 20))
         square[k, k] = 1e6
         product = square[:, k] * (wanted - NOMINAL.ravel()[k])
-        found, _ = pulled_fit(square, product, NOMINAL)
+        found, _ = regularised_fit(square, product, NOMINAL)
         assert min(smallest(row) for row in found) > 0.0
         assert found.ravel()[k] < 0.2 * NOMINAL.ravel()[k]
 
@@ -71,14 +71,14 @@ def test_the_answer_is_the_least_of_fit_and_pull(strength: float) -> None:
     Y = rng.standard_normal((40, 20))
     square = strength * Y.T @ Y
     product = square @ (rng.uniform(-2.0, 0.5, 20) * NOMINAL.ravel())
-    found, information = pulled_fit(square, product, NOMINAL)
+    found, information = regularised_fit(square, product, NOMINAL)
 
     def value(parameters: np.ndarray) -> float:
         d = (parameters - NOMINAL).ravel()
         whole = 0.5 * d @ square @ d - product @ d
         for row, known in zip(parameters, NOMINAL, strict=True):
             relative = np.linalg.solve(pseudo_inertia(known), pseudo_inertia(row))
-            whole += PULL * (np.trace(relative) - np.log(np.linalg.det(relative)) - 4.0)
+            whole += PENALTY * (np.trace(relative) - np.log(np.linalg.det(relative)) - 4.0)
         return float(whole)
 
     steps = np.linalg.inv(np.linalg.cholesky(information)).T  # columns of one standard deviation

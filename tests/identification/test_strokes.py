@@ -145,11 +145,11 @@ def test_the_search_goes_further_and_further_but_not_for_ever():
 
     def standing(asked_for: Strokes) -> MotionLog:
         asked.append(asked_for)
-        return stroke_log(asked_for.way, asked_for.speed, 0.0)
+        return stroke_log(asked_for.travel, asked_for.speed, 0.0)
 
     found = concluded(steps, standing)
     assert found.verdict is GapVerdict.TOO_SHORT
-    ways = [one.way for one in asked]
+    ways = [one.travel for one in asked]
     assert ways == sorted(ways)
     assert ways[-1] == pytest.approx(2.0 * WIDEST + 0.03)
     assert len(asked) < 8
@@ -159,8 +159,8 @@ def test_the_search_goes_further_and_further_but_not_for_ever():
 def crossing_log(asked: Strokes, half_gap: float, shaken: float) -> MotionLog:
     """Strokes of a motor whose link rests by its friction but for the gap's borders, and is shaken
     by a hand [rad]."""
-    t = np.arange(0.0, asked.count * asked.way / asked.speed, 0.01)
-    velocity = asked.speed * np.where((t * asked.speed / asked.way) % 2.0 < 1.0, 1.0, -1.0)
+    t = np.arange(0.0, asked.count * asked.travel / asked.speed, 0.01)
+    velocity = asked.speed * np.where((t * asked.speed / asked.travel) % 2.0 < 1.0, 1.0, -1.0)
     theta, q, at = np.cumsum(velocity) * 0.01, np.empty_like(t), 0.0
     for k, motor in enumerate(theta):
         q[k] = at = np.clip(at, motor - half_gap, motor + half_gap)
@@ -193,9 +193,9 @@ def test_what_strokes_left_unclear_is_looked_at_once_more(shaken, verdict, count
 def test_strokes_stay_within_the_limits(room):
     steps = search(0, 1.0, 100.0, 0.01, lambda pose: 0.0, 0.0, room)
     one = next(steps)
-    assert room[0] <= one.about - 0.5 * one.way
-    assert one.about + 0.5 * one.way <= room[1]
-    assert one.way <= 2.0 * WIDEST + FURTHEST
+    assert room[0] <= one.about - 0.5 * one.travel
+    assert one.about + 0.5 * one.travel <= room[1]
+    assert one.travel <= 2.0 * WIDEST + FURTHEST
 
 
 @pytest.mark.parametrize(
@@ -377,7 +377,7 @@ def test_a_link_that_bounces_rests_inside_its_gap_and_the_interval_says_so():
     """Owners' joints with scatter beyond 0.2 mrad came out too small, by up to that scatter."""
     still = StrokeFit(
         alpha=0.007, compliance=0.0, bent=0.0, error=5e-5, scatter=0.0, rarer=0.5, harmonics=(),
-        coulomb=0.1, unsure=0.0, hidden=6e-5, noise=0.0,
+        coulomb=0.1, bending_error=0.0, hidden=6e-5, noise=0.0,
     )  # fmt: skip
     calm, bounces = (
         _judged("forearm", replace(still, scatter=scatter), 5, []) for scatter in (0.0, 2.4e-4)

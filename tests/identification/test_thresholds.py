@@ -46,7 +46,7 @@ def motion(r: np.ndarray, amplitude: tuple[float, float] = (0.5, 0.5)) -> Motion
         residual=r,
         raised=np.zeros_like(r),
         touched=np.zeros(r.shape, dtype=bool),
-        unsure=np.zeros(len(r), dtype=bool),
+        uncertain=np.zeros(len(r), dtype=bool),
     )
 
 
@@ -210,7 +210,7 @@ def test_residuals_that_are_not_sure_are_no_touches():
     r = noise(120.0)
     moved = motion(r)
     for begin in (3000, 7000):
-        moved.unsure[begin : begin + 30] = True
+        moved.uncertain[begin : begin + 30] = True
         r[begin : begin + 30] += 3.1
     assert [one.verdict for one in identify_levels(("a", "b"), T, moved, PLAIN)] == [
         LevelVerdict.GOOD

@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.arm_batch import record_fleet
 from identification.motion_log import MotionLog
-from identification.wiring import OTHER_WAY, check_wiring, scale_unsure, swapped_pairs
+from identification.wiring import OTHER_WAY, check_wiring, scale_uncertain, swapped_pairs
 from programs.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters
@@ -90,7 +90,7 @@ def test_a_position_that_goes_another_way_than_its_motor_is_alone_to_blame(wired
      (-1.0, False), (0.0, False)],
 )  # fmt: skip
 def test_a_share_that_chance_may_make_is_measured_again(wired, scale, unsure):
-    assert scale_unsure(scaled(wired, "link_position", scale, ELBOW), ELBOW) is unsure
+    assert scale_uncertain(scaled(wired, "link_position", scale, ELBOW), ELBOW) is unsure
 
 
 def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
@@ -128,7 +128,7 @@ def test_a_link_that_floats_in_its_gap_shows_nothing_of_the_gear(wired, check):
 
 
 def test_shares_that_differ_are_measured_again_though_their_mean_is_right(wired):
-    assert scale_unsure(floating(wired, 0.93, 1.07), ELBOW)
+    assert scale_uncertain(floating(wired, 0.93, 1.07), ELBOW)
 
 
 def test_ways_that_agree_tell_a_gear_that_is_wrong(wired, check):

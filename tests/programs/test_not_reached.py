@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from daemon.modes.table import Mode
-from daemon.protocol.replies import Reply, Way
+from daemon.protocol.replies import PlannedPath, Reply
 from programs.clients.client import Client
 from programs.command_line.options import Options
 from programs.contactctl import contactctl, go
@@ -117,7 +117,9 @@ def test_a_way_on_which_the_daemon_falls_silent(
         yield lambda: interrupted
 
     monkeypatch.setattr(go, "_interrupted", _interrupted)
-    way = Way(name="zero", joints=["one"], start=[0.0], goal=[1.0], speed=[0.2], duration_s=5.0)
+    way = PlannedPath(
+        name="zero", joints=["one"], start=[0.0], goal=[1.0], speed=[0.2], duration_s=5.0
+    )
     moves = msgspec.json.encode(Reply(ok=True, mode=Mode.TRACKING, way=way))
     with door(tmp_path / "control", lambda asked: moves if asked == "go" else None):
         result = say(tmp_path / "control", "go", "zero", "--yes")

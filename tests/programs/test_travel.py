@@ -11,7 +11,7 @@ from daemon.config.load import load_robot
 from drivers.api import PowerTarget
 from drivers.stopping.travel import worst_travel
 from programs.contactd.check import print_check
-from programs.contactd.travels import noticing_ticks, travels
+from programs.contactd.travels import detection_ticks, travels
 
 MASTERS_HEARTBEAT = 0x77F
 
@@ -20,8 +20,8 @@ MASTERS_HEARTBEAT = 0x77F
 def test_a_drive_that_obeys_nothing_goes_at_most_twice_as_far_as_without_a_daemon(folder) -> None:
     c = load_robot(folder).configuration
     for travel in travels(c):
-        dies = travel.patience + travel.braking
-        assert travel.total - travel.noticing <= 2.0 * dies
+        dies = travel.master_timeout + travel.braking
+        assert travel.total - travel.detection <= 2.0 * dies
 
 
 def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
@@ -49,7 +49,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         assert abs(plant.q_dot[0]) < 1e-3
         travelled = float(plant.q[0]) - heard
         (travel,) = worst_travel(c.joint_drives, c.period_s, 0.0)
-        worst = travel.patience + travel.braking
+        worst = travel.master_timeout + travel.braking
         assert 0.8 * worst < travelled <= worst
 
 
@@ -93,7 +93,7 @@ def test_no_joint_goes_further_whatever_its_drive_obeys(
         for method in (*deaf, *([] if shows else ["transmit"])):
             monkeypatch.setattr(drive, method, lambda *_: None)
         began = float(plant.theta[0])
-        for _ in range(noticing_ticks(c)):
+        for _ in range(detection_ticks(c)):
             at_full_speed(rig, PowerTarget.ON, velocity)
         for _ in range(60):
             at_full_speed(rig, PowerTarget.QUICK_STOP, 0.0)

@@ -13,7 +13,7 @@ import pytest
 
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, Mismatch, SimulationSettings
-from simulator.events import Happening
+from simulator.events import SimulationEvent
 from simulator.mismatch import PlantParameters
 
 FOLDER = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
@@ -55,7 +55,7 @@ class Master:
 
     def __init__(self, description: ArmDescription, **settings: Any) -> None:
         self.frames: list[can.Message] = []
-        self.events: list[Happening] = []
+        self.events: list[SimulationEvent] = []
         script = settings.pop("hand_script", ())
         self.arm = SimulatedArm(
             description,

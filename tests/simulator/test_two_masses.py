@@ -89,7 +89,7 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
         servo.tune(1, 2.0, 30.0)
         servo.release(2)
         laws.scale(2, 0.4, 1.0)
-        laws.impede(2, 0.3, 0.1, 20.0, 1.0, 0.5)
+        laws.set_impedance(2, 0.3, 0.1, 20.0, 1.0, 0.5)
         laws.head(3, 0.2, 4.0, 0.6)
         laws.measure(4, 0.2)
         counts = []

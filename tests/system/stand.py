@@ -12,7 +12,7 @@ from typing import Any, Self
 import yaml
 
 from common.errors import ContactdError
-from daemon.config import identified, marks
+from daemon.config import digests, identified
 from daemon.config.load import load_robot
 from daemon.protocol.replies import Reply, Status
 from daemon.protocol.requests import Command
@@ -21,7 +21,7 @@ from programs.simulate.simulated_robot import write_truth
 
 CAN = "can0"
 SERVICE = "contactd.service"
-PATIENCE_S = 400.0
+TIMEOUT_S = 400.0
 POLL_S = 0.2
 
 CAN_BUS = {"interface": "socketcan", "channel": CAN}
@@ -40,7 +40,7 @@ def run(*command: str, check: bool = False) -> subprocess.CompletedProcess[str]:
 
 def wait_for(true: Callable[[], Any], what: str) -> Any:
     """Value of `true()` once it is true; fails after minutes, with the service's journal."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         asked = time.monotonic()
         if found := true():
@@ -77,8 +77,8 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
         serial=1,
         wiring=identified.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0),
     )
-    mark = marks.fingerprint(robot.configuration, robot.urdf)
-    found = identified.Identified(configuration=mark, joints={"joint": wired})
+    digest = digests.fingerprint(robot.configuration, robot.urdf)
+    found = identified.Identified(configuration=digest, joints={"joint": wired})
     identified.write_identified(folder / "identified.yaml", found)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from daemon.config.load import load_robot
 from daemon.config.schema import FaultSettings
-from daemon.shutdown import PATIENCE_S
+from daemon.shutdown import TIMEOUT_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -58,11 +58,11 @@ def test_the_example_arm_is_installed_on_can0(installed: Path) -> None:
 
 def test_the_end_of_the_daemon_fits_before_systemd_kills_it(installed: Path) -> None:
     unit = (installed / "usr/local/lib/systemd/system/contactd.service").read_text()
-    (patience_s,) = re.findall(r"^TimeoutStopSec=(\d+)$", unit, re.MULTILINE)
+    (timeout_s,) = re.findall(r"^TimeoutStopSec=(\d+)$", unit, re.MULTILINE)
     fields = msgspec.inspect.type_info(FaultSettings).fields
     longest = next(field.type.le for field in fields if field.name == "stop_timeout_s")
     # Stopping, and the drives' states after it; what is left over is for telling them that we go.
-    assert longest + 2 * PATIENCE_S < float(patience_s)
+    assert longest + 2 * TIMEOUT_S < float(timeout_s)
 
 
 @pytest.mark.parametrize("name", ["contactd.service.d/bus.conf", "examples/bus-serial.conf"])

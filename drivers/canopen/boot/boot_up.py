@@ -17,13 +17,13 @@ from common.errors import BusError, DriveError, SilentDriveError
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import REMOTE, Wire
-from drivers.canopen.boot.heard_frames import HeardFrames
 from drivers.canopen.boot.identity import DriveIdentity
-from drivers.canopen.boot.required_objects import DriveSetup, check_drive, lacks, wanted
+from drivers.canopen.boot.received_frames import ReceivedFrames
+from drivers.canopen.boot.required_objects import DriveSetup, check_drive, lacks, required_values
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.boot.sdo_network import sdo_network
 from drivers.canopen.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
-from drivers.canopen.boot.verification import all_wanted, deviations
+from drivers.canopen.boot.verification import all_required, deviations
 from drivers.canopen.ids import HEARTBEAT, OPERATIONAL, SYNC
 
 Progress = Callable[[str], None]
@@ -58,7 +58,7 @@ class DriveBoot:
     """waits between two polls of a drive"""
     identities: tuple[DriveIdentity, ...] = ()
     """of the drives that were set up at the start"""
-    heard: HeardFrames = field(default_factory=HeardFrames)
+    received: ReceivedFrames = field(default_factory=ReceivedFrames)
     """frames received while drives were verified or set up again"""
 
     def boot_up(self, progress: Progress = lambda line: None) -> None:
@@ -85,13 +85,13 @@ class DriveBoot:
         counts as deviating. Raises BusError.
         """
         found: dict[int, list[str]] = {}
-        with sdo_network(self.wire, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.received) as network:
             beat = self._beat(network, meanwhile)
             for i in joints:
                 setup = self.setups[i]
                 timeout_s = AGAIN_SHARE * setup.drive.profile.sdo_timeout_ms / 1000.0
                 access = self._access(network, setup, timeout_s, beat)
-                rows = all_wanted(setup, self.period_ms, self.master_node)
+                rows = all_required(setup, self.period_ms, self.master_node)
                 identity = self.identities[i] if self.identities else None
                 if problems := deviations(setup, access, rows, identity):
                     found[i] = problems
@@ -113,7 +113,7 @@ class DriveBoot:
         """
         begun = time.monotonic()
         chosen = [self.setups[i] for i in joints]
-        with sdo_network(self.wire, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.received) as network:
             beat = self._beat(network, meanwhile)
             found = self._bring_up(network, chosen, progress, AGAIN_SHARE, beat)
         for i, identity in zip(joints, found, strict=True):
@@ -128,10 +128,10 @@ class DriveBoot:
         progress(f"set up again in {took_ms:.0f} ms without a tick: {names}")
 
     def _beat(self, network: canopen.Network, meanwhile: Meanwhile) -> "_Beat":
-        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
-        return _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
+        timeout_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
+        return _Beat(network, self.master_node, timeout_s / BEATS, meanwhile)
 
-    def let_go(self) -> None:
+    def disable_monitoring(self) -> None:
         """Disable the drives' monitoring of the master's heartbeat (0x1016:1 = 0) after the last
         tick.
 
@@ -171,11 +171,11 @@ class DriveBoot:
         for setup in setups:
             timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
             access = self._access(network, setup, share * timeout_s, meanwhile)
-            rows = wanted(setup, self.period_ms, self.master_node)
+            rows = required_values(setup, self.period_ms, self.master_node)
             booted = _listen_for_boot_up(network, setup.drive.node)
-            patience_s = STEP_TIMEOUTS * timeout_s
+            step_timeout_s = STEP_TIMEOUTS * timeout_s
             drives.append(
-                BootingDrive(setup, access, rows, patience_s, booted, meanwhile, self.sleep)
+                BootingDrive(setup, access, rows, step_timeout_s, booted, meanwhile, self.sleep)
             )
         for step in TOGETHER:
             for drive in drives:
@@ -229,7 +229,7 @@ def _set_up(drive: BootingDrive, progress: Progress) -> None:
 def _run(step: Step, drive: BootingDrive) -> None:
     """Run one step, repeated if the drive is silent; errors contain its name."""
     for tries in range(1, TRIES + 1):
-        drive.access.deadline = time.monotonic() + drive.patience_s
+        drive.access.deadline = time.monotonic() + drive.step_timeout_s
         try:
             if tries > 1:
                 drive.access.settle()
@@ -272,9 +272,9 @@ class _Beat:
 def _listen_for_boot_up(network: canopen.Network, node: int) -> threading.Event:
     booted = threading.Event()
 
-    def hear(_: int, data: bytearray, __: float) -> None:
+    def on_heartbeat(_: int, data: bytearray, __: float) -> None:
         if data[:1] == b"\0":
             booted.set()
 
-    network.subscribe(HEARTBEAT + node, hear)
+    network.subscribe(HEARTBEAT + node, on_heartbeat)
     return booted

@@ -8,7 +8,7 @@ from typing import Final
 
 from common.errors import DriveError
 from drivers.canopen.boot.data_sheet import find_object
-from drivers.canopen.boot.required_objects import DriveSetup, Wanted
+from drivers.canopen.boot.required_objects import DriveSetup, RequiredValue
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.codec import Pdo, receive_pdos, transmit_pdos
 
@@ -19,26 +19,26 @@ _EVERY_SYNC: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
-class WantedPdo:
+class RequiredPdo:
     """Required objects of one of our PDOs. `flags` are added to its COB-ID on writing."""
 
-    cob_id: Wanted
-    transmission: Wanted
-    fields: tuple[Wanted, ...]
-    count: Wanted
+    cob_id: RequiredValue
+    transmission: RequiredValue
+    fields: tuple[RequiredValue, ...]
+    count: RequiredValue
     flags: int
 
     @property
-    def rows(self) -> tuple[Wanted, ...]:
+    def rows(self) -> tuple[RequiredValue, ...]:
         """All required objects of the PDO."""
         return (self.cob_id, self.transmission, *self.fields, self.count)
 
 
-def wanted_pdos(setup: DriveSetup) -> tuple[list[WantedPdo], list[Wanted]]:
+def required_pdos(setup: DriveSetup) -> tuple[list[RequiredPdo], list[RequiredValue]]:
     """Our PDOs, and the rows that disable all other PDOs of the drive."""
     drive = setup.drive
-    ours = [_wanted(pdo, 0x1400, 0) for pdo in receive_pdos(drive)] + [
-        _wanted(pdo, 0x1800, _NO_RTR) for pdo in transmit_pdos(drive)
+    ours = [_required(pdo, 0x1400, 0) for pdo in receive_pdos(drive)] + [
+        _required(pdo, 0x1800, _NO_RTR) for pdo in transmit_pdos(drive)
     ]
     used = {pdo.cob_id.index for pdo in ours}
     others = [
@@ -50,11 +50,11 @@ def wanted_pdos(setup: DriveSetup) -> tuple[list[WantedPdo], list[Wanted]]:
     return ours, others
 
 
-def _wanted(pdo: Pdo, first: int, flags: int) -> WantedPdo:
+def _required(pdo: Pdo, first: int, flags: int) -> RequiredPdo:
     communication = first + pdo.number - 1
     mapping = communication + 0x200
     name = f"{'RPDO' if first == 0x1400 else 'TPDO'} {pdo.number}"
-    return WantedPdo(
+    return RequiredPdo(
         _row(communication, 1, pdo.cob_id, f"COB-ID of {name}", ~_NO_RTR),
         _row(communication, 2, _EVERY_SYNC, f"{name} with every SYNC"),
         tuple(
@@ -67,12 +67,12 @@ def _wanted(pdo: Pdo, first: int, flags: int) -> WantedPdo:
     )  # fmt: skip
 
 
-def _off(communication: int) -> Wanted:
+def _off(communication: int) -> RequiredValue:
     return _row(communication, 1, _PDO_DISABLED, "a disabled PDO", _PDO_DISABLED)
 
 
-def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) -> Wanted:
-    return Wanted("PDO mapping", index, subindex, value, meaning, mask=mask)
+def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) -> RequiredValue:
+    return RequiredValue("PDO mapping", index, subindex, value, meaning, mask=mask)
 
 
 def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
@@ -81,7 +81,7 @@ def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
     Objects that the EDS declares read-only are only compared: a drive with fixed PDOs is accepted
     if they match. Raises DriveError if it does not keep a written value.
     """
-    ours, others = wanted_pdos(setup)
+    ours, others = required_pdos(setup)
     changed = [_off(pdo.cob_id.index) for pdo in ours if _writable(access, pdo.cob_id)]
     for row in sorted([*changed, *others], key=lambda row: row.index):
         _disable(setup, access, row)
@@ -89,7 +89,7 @@ def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
         _map(setup, access, pdo)
 
 
-def _disable(setup: DriveSetup, access: ObjectAccess, row: Wanted) -> None:
+def _disable(setup: DriveSetup, access: ObjectAccess, row: RequiredValue) -> None:
     held = access.read(row.index, row.subindex)
     if _writable(access, row):
         access.write_only(row.index, row.subindex, held | _PDO_DISABLED)
@@ -101,7 +101,7 @@ def _disable(setup: DriveSetup, access: ObjectAccess, row: Wanted) -> None:
         )
 
 
-def _map(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
+def _map(setup: DriveSetup, access: ObjectAccess, pdo: RequiredPdo) -> None:
     _hold(access, pdo.transmission)
     if _writable(access, pdo.count):
         access.write(pdo.count.index, 0, 0)
@@ -110,11 +110,11 @@ def _map(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
     _enable(setup, access, pdo)
 
 
-def _hold(access: ObjectAccess, row: Wanted) -> None:
+def _hold(access: ObjectAccess, row: RequiredValue) -> None:
     access.hold(row.index, row.subindex, row.value)
 
 
-def _enable(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
+def _enable(setup: DriveSetup, access: ObjectAccess, pdo: RequiredPdo) -> None:
     row, verb = pdo.cob_id, "must be"
     value = row.value | pdo.flags
     if _writable(access, row):
@@ -128,5 +128,5 @@ def _enable(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
         )
 
 
-def _writable(access: ObjectAccess, row: Wanted) -> bool:
+def _writable(access: ObjectAccess, row: RequiredValue) -> bool:
     return access.writable(row.index, row.subindex)

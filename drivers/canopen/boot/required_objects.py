@@ -48,7 +48,7 @@ class DriveSetup:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RequiredValue:
     """Required value of an object. An object that the EDS declares read-only is only compared.
 
     without: consequence if a drive lacks the object; if empty, the drive is refused.
@@ -79,7 +79,7 @@ class Wanted:
         return f"0x{held:08X}" if self.group == "PDO mapping" else str(held)
 
 
-def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
+def required_values(setup: DriveSetup, period_ms: int, master_node: int) -> list[RequiredValue]:
     """Required objects except PDO parameters, in order of writing; `period_ms` is that of SYNC."""
     profile, wiring = setup.drive.profile, setup.drive.wiring
     braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
@@ -87,40 +87,43 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
     node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
     table = [
-        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, not produced by the drive",
-               "SYNC is assumed on 0x080"),
-        Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
-               "emergencies are assumed on 0x080 + node"),
-        Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat",
-               setting=("master_timeout_ms",)),
-        Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat",
-               setting=("heartbeat_ms",)),
-        Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "no setpoints without a master",
-               "its handling of setpoints after the loss of its master is the factory default"),
-        Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
-        Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
-        Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
-               "its reaction to faults is the factory default", setting=("fault_reaction",)),
-        Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING,
-               setting=("quick_stop_deceleration",)),
-        Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
-        Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
-               _INTERPOLATION),
-        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _INTERPOLATION),
-        Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
-               "it has no torque limit of its own"),
-        Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
-               "it has no current limit of its own"),
+        RequiredValue("communication", 0x1005, 0, SYNC, "SYNC on 0x080, not produced by the drive",
+            "SYNC is assumed on 0x080"),
+        RequiredValue("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
+            "emergencies are assumed on 0x080 + node"),
+        RequiredValue("communication", 0x1016, 1, watched, "watch the master's heartbeat",
+            setting=("master_timeout_ms",)),
+        RequiredValue("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat",
+            setting=("heartbeat_ms",)),
+        RequiredValue("communication", 0x1029, 1, LEAVE_OPERATIONAL,
+            "no setpoints without a master",
+            "its handling of setpoints after the loss of its master is the factory default"),
+        RequiredValue("stopping", 0x6007, 0, STOP_ON_SILENCE,
+            "quick stop when the master falls silent"),
+        RequiredValue("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
+        RequiredValue("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
+            "its reaction to faults is the factory default", setting=("fault_reaction",)),
+        RequiredValue("stopping", braking.object, braking.subindex, deceleration, BRAKING,
+            setting=("quick_stop_deceleration",)),
+        RequiredValue("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY,
+            "cyclic synchronous velocity"),
+        RequiredValue("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
+            _INTERPOLATION),
+        RequiredValue("mode", 0x60C2, 2, -3, "interpolation in ms", _INTERPOLATION),
+        RequiredValue("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
+            "it has no torque limit of its own"),
+        RequiredValue("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
+            "it has no current limit of its own"),
     ]  # fmt: skip
     if fastest is not None:
         counts = math.ceil(SPEED_MARGIN * setup.drive.velocity * wiring.gear / fastest.scale)
         table.append(
-            Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit",
-                   setting=("max_motor_speed",))
+            RequiredValue("limits", fastest.object, fastest.subindex, counts, "speed limit",
+                setting=("max_motor_speed",))
         )  # fmt: skip
     return table + [
-        Wanted("own objects", own.object, own.subindex, own.value, "from the configuration",
-               setting=("write", i))
+        RequiredValue("own objects", own.object, own.subindex, own.value, "from the configuration",
+            setting=("write", i))
         for i, own in enumerate(profile.write)
     ]  # fmt: skip
 
@@ -128,7 +131,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     """Objects that the drive lacks according to its EDS, and the consequences, as text."""
     sheet = setup.data_sheet
-    rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
+    rows = {row.without: row for row in reversed(required_values(setup, period_ms, master_node))}
     found = [
         f"without {row.where}: {row.without}"
         for row in reversed(rows.values())
@@ -188,7 +191,7 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Co
             follows = FOLLOWS[index, subindex]
             what = f"object 0x{index:04X}:{subindex:02X} is missing: {follows}"
             yield Contradiction(("eds",), what)
-    rows = wanted(setup, period_ms, master_node)
+    rows = required_values(setup, period_ms, master_node)
     for row in rows:
         for what in _object_problems(sheet, row):
             yield Contradiction(row.setting, what)
@@ -212,7 +215,7 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Co
             yield from _pdo_problems(sheet, kind, pdo, communication + pdo.number - 1)
 
 
-def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[str]:
+def _object_problems(sheet: canopen.ObjectDictionary, row: RequiredValue) -> Iterator[str]:
     variable = find_object(sheet, row.index, row.subindex)
     if variable is None:
         if not row.without:
@@ -230,7 +233,9 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
         yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
 
 
-def _forbidden(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+def _forbidden(
+    own: ObjectValue, profile: CanopenProfile, rows: Sequence[RequiredValue]
+) -> Iterator[str]:
     """Problems of an object that the configuration may not write, for the sake of safe stops."""
     where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
     for row in rows:

@@ -111,12 +111,12 @@ def _refuse_master(wire: Wire, listen_s: float) -> None:
         if frame is None:
             continue
         can_id, _ = frame
-        for what, heard in (
+        for what, received in (
             ("SYNC", can_id == SYNC),
             ("NMT commands", can_id == NMT),
             (f"SDO requests to node {can_id & NODE}", can_id & ~NODE == SDO_REQUEST),
         ):
-            if heard:
+            if received:
                 raise BusError(
                     f"a master is on this bus: it sends {what}. Stop it first (`contactd run` is "
                     "one): two masters interfere with each other"

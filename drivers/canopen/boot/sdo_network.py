@@ -16,7 +16,7 @@ import canopen
 from common.errors import BusError
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Frame, Wire
-from drivers.canopen.boot.heard_frames import HeardFrames
+from drivers.canopen.boot.received_frames import ReceivedFrames
 
 # Failures are raised, and reported where they are caught; canopen would log them again.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -28,13 +28,13 @@ _HIGHEST_ID: Final = 0x7FF
 class SdoNetwork(canopen.Network):  # type: ignore[misc]
     """canopen's network over a wire, with a reader thread.
 
-    `ring` records the frames of both directions; `heard` receives all incoming ones."""
+    `ring` records the frames of both directions; `received` keeps all incoming ones."""
 
     def __init__(
-        self, wire: Wire, ring: FrameRing | None = None, heard: HeardFrames | None = None
+        self, wire: Wire, ring: FrameRing | None = None, received: ReceivedFrames | None = None
     ) -> None:
         super().__init__()
-        self._wire, self._ring, self._heard = wire, ring, heard
+        self._wire, self._ring, self._received = wire, ring, received
         self._ring_alone = threading.Lock()
         self._failure: Exception | None = None
         self._ended = threading.Event()
@@ -75,8 +75,8 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
     def _hear(self, frame: Frame) -> None:
         # Recorded before delivery, as its receiver may then send the next frame.
         self._keep(frame, sent=False)
-        if self._heard is not None:
-            self._heard.put(frame)
+        if self._received is not None:
+            self._received.put(frame)
         can_id, data = frame
         if can_id <= _HIGHEST_ID:
             self.notify(can_id, data, 0.0)
@@ -90,11 +90,11 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
 
 @contextmanager
 def sdo_network(
-    wire: Wire, ring: FrameRing | None = None, heard: HeardFrames | None = None
+    wire: Wire, ring: FrameRing | None = None, received: ReceivedFrames | None = None
 ) -> Iterator[SdoNetwork]:
     """`SdoNetwork` that reads within the block. Leaving the block raises BusError if the reader has
     failed and nothing else was raised."""
-    network = SdoNetwork(wire, ring, heard)
+    network = SdoNetwork(wire, ring, received)
     network.start()
     try:
         yield network

@@ -14,7 +14,7 @@ from drivers.canopen.boot.required_objects import (
     MODES_SHOWN,
     DriveSetup,
     Group,
-    Wanted,
+    RequiredValue,
 )
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.cia402 import QUICK_STOP, DriveState, drive_state, in_words
@@ -45,8 +45,8 @@ class BootingDrive:
 
     setup: DriveSetup
     access: ObjectAccess
-    wanted: list[Wanted]
-    patience_s: float  # timeout of one step
+    required: list[RequiredValue]
+    step_timeout_s: float
     booted: threading.Event  # its boot-up message has arrived
     meanwhile: Callable[[], None]  # called while waiting
     sleep: Callable[[float], None]
@@ -62,7 +62,7 @@ class BootingDrive:
     def write(self, group: Group) -> None:
         """Write and read back the required objects of a group, except optional ones that the EDS
         lacks."""
-        for row in self.wanted:
+        for row in self.required:
             if row.group != group or (row.without and not self.access.has(*_place(row))):
                 continue
             self.access.hold(*_place(row), row.value, row.where)
@@ -164,7 +164,7 @@ def _recover(drive: BootingDrive) -> None:
 def _await_boot(drive: BootingDrive) -> None:
     if drive.fault is None:
         return
-    for _ in range(math.ceil(drive.patience_s / _POLL_S)):
+    for _ in range(math.ceil(drive.step_timeout_s / _POLL_S)):
         if drive.booted.is_set():
             break
         drive.wait(_POLL_S)
@@ -199,7 +199,7 @@ def _map_pdos(drive: BootingDrive) -> None:
     map_pdos(drive.setup, drive.access)
 
 
-def _place(row: Wanted) -> tuple[int, int]:
+def _place(row: RequiredValue) -> tuple[int, int]:
     return row.index, row.subindex
 
 

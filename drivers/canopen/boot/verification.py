@@ -9,13 +9,13 @@ from typing import Final
 
 from common.errors import DriveError, SilentDriveError
 from drivers.canopen.boot.identity import DriveIdentity
-from drivers.canopen.boot.pdo_mapping import wanted_pdos
+from drivers.canopen.boot.pdo_mapping import required_pdos
 from drivers.canopen.boot.required_objects import (
     CYCLIC_SYNCHRONOUS_VELOCITY,
     MODES_SHOWN,
     DriveSetup,
-    Wanted,
-    wanted,
+    RequiredValue,
+    required_values,
 )
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.cia402 import DriveState, drive_state
@@ -24,12 +24,12 @@ from drivers.canopen.emergency_codes import OF_COMMUNICATION, emergency_words
 _NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
 
 
-def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
+def all_required(setup: DriveSetup, period_ms: int, master_node: int) -> list[RequiredValue]:
     """All required objects of a drive, PDO parameters included, each once: a value written by the
     configuration takes precedence over a limit."""
-    ours, others = wanted_pdos(setup)
+    ours, others = required_pdos(setup)
     rows = [
-        *wanted(setup, period_ms, master_node),
+        *required_values(setup, period_ms, master_node),
         *(row for pdo in ours for row in pdo.rows),
         *others,
     ]
@@ -37,7 +37,10 @@ def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Want
 
 
 def deviations(
-    setup: DriveSetup, access: ObjectAccess, rows: list[Wanted], identity: DriveIdentity | None
+    setup: DriveSetup,
+    access: ObjectAccess,
+    rows: list[RequiredValue],
+    identity: DriveIdentity | None,
 ) -> list[str]:
     """Deviations of a drive from its set-up, as text; empty if there are none. Raises BusError.
 

@@ -73,7 +73,7 @@ _MAPPED = (*MEASURED, "target_velocity")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Candidate:
     """Candidate object for a quantity."""
 
     index: int
@@ -96,8 +96,8 @@ class Found:
 class Choice:
     """Chosen object of a quantity, other candidates, and similar objects that were ruled out."""
 
-    chosen: Found | None
-    others: tuple[Found, ...] = ()
+    chosen: Candidate | None
+    others: tuple[Candidate, ...] = ()
     passed_over: tuple[str, ...] = ()
 
 
@@ -109,7 +109,7 @@ def choose(
     gives instead. Raises ConfigurationError if that object is missing or unfit."""
     if named is not None:
         return Choice(_by_hand(sheet, quantity, named))
-    found: dict[Object, Found] = {}
+    found: dict[Object, Candidate] = {}
     passed_over: dict[Object, str] = {}
     for rule in RULES[quantity]:
         for variable in _of_rule(sheet, rule):
@@ -184,9 +184,9 @@ def _alike(sheet: DataSheet, quantity: str) -> Iterator[Variable]:
             yield variable
 
 
-def _found(variable: Variable, doubt: str = "") -> Found:
+def _found(variable: Variable, doubt: str = "") -> Candidate:
     kind = type_name(variable)
-    return Found(variable.index, variable.subindex, kind, variable.name, doubt)
+    return Candidate(variable.index, variable.subindex, kind, variable.name, doubt)
 
 
 def _unfit(variable: Variable, quantity: str) -> str:
@@ -202,7 +202,7 @@ def _unfit(variable: Variable, quantity: str) -> str:
     return ""
 
 
-def _by_hand(sheet: DataSheet, quantity: str, named: Object) -> Found:
+def _by_hand(sheet: DataSheet, quantity: str, named: Object) -> Candidate:
     where = f"--object {quantity}=0x{named[0]:04X}:{named[1]:02X}"
     variable = find_object(sheet, *named)
     if variable is None:

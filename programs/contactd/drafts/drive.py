@@ -17,8 +17,8 @@ from drivers.canopen.boot.mandatory_objects import FOLLOWS
 from programs.contactd.drafts.choice import (
     MOST_SHOWN,
     NO_LINK_ENCODER,
+    Candidate,
     Choice,
-    Found,
     Object,
     choose,
     looked_at,
@@ -40,8 +40,8 @@ class Drafted:
     """One quantity: its object, the other candidates, and its scale."""
 
     name: str
-    object: Found
-    others: tuple[Found, ...]
+    object: Candidate
+    others: tuple[Candidate, ...]
     scale: Scale
 
     @property
@@ -169,7 +169,7 @@ def _effort(sheet: DataSheet, named: Mapping[str, Object]) -> str:
     return "torque" if choose(sheet, "torque").chosen is not None else "current"
 
 
-def _beside(choice: Choice, link: Found) -> Choice:
+def _beside(choice: Choice, link: Candidate) -> Choice:
     """Choice of the motor position, given the link position. None if both come from one encoder, as
     0x6063 and 0x6064 do unless a name says otherwise; as doubtful as the link position."""
     one = choice.chosen

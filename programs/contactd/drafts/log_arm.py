@@ -36,7 +36,7 @@ _PERIOD_MS: Final = (4, 100)
 _SLOWLY_MS: Final = 60  # longest period with which the default gain's residual does not oscillate
 
 
-def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
+def with_movable_joints(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
     """URDF in which only these joints move, all with limits, and a description of each change."""
     root, changes = ET.fromstring(urdf), []
     for joint in root.findall("joint"):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from common.errors import ConfigurationError
 from drivers.canopen.boot.data_sheet import DataSheet, find_object
 from drivers.canopen.codec import WORDS
-from programs.contactd.drafts.choice import MEASURED, Found
+from programs.contactd.drafts.choice import MEASURED, Candidate
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Layout:
     fixed: bool
 
 
-def pdo_layout(sheet: DataSheet, objects: Mapping[str, Found]) -> Layout:
+def pdo_layout(sheet: DataSheet, objects: Mapping[str, Candidate]) -> Layout:
     """Layout of the PDOs of a drive. Raises ConfigurationError if the entries do not fit."""
     effort = "current" if "current" in objects else "torque"
     first = ["statusword", effort, "motor_velocity", "link_position", "motor_position"]
@@ -30,7 +30,7 @@ def pdo_layout(sheet: DataSheet, objects: Mapping[str, Found]) -> Layout:
     return Layout(tpdo, rpdo, fixed=bool(fixed_t or fixed_r))
 
 
-def _fixed(sheet: DataSheet, base: int, objects: Mapping[str, Found]) -> dict[str, list[str]]:
+def _fixed(sheet: DataSheet, base: int, objects: Mapping[str, Candidate]) -> dict[str, list[str]]:
     """PDOs whose mapping is fixed by the EDS and contains only known entries."""
     there = {name: one.where for name, one in objects.items()}
     there |= {word: (index, 0) for word, index in WORDS.items()}
@@ -65,7 +65,7 @@ def _without_repeats(found: dict[str, list[str]]) -> dict[str, list[str]]:
 
 
 def _packed(
-    sheet: DataSheet, base: int, wanted: list[str], objects: Mapping[str, Found]
+    sheet: DataSheet, base: int, wanted: list[str], objects: Mapping[str, Candidate]
 ) -> dict[str, list[str]]:
     """Entries packed into as few PDOs as possible, eight bytes each."""
     found: dict[str, list[str]] = {}
@@ -91,5 +91,5 @@ def _packed(
     return found
 
 
-def _bits(one: Found) -> int:
+def _bits(one: Candidate) -> int:
     return 8 if one.type.endswith("8") else 16 if one.type.endswith("16") else 32

@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
-from programs.contactd.drafts.choice import NO_LINK_ENCODER, Found
+from programs.contactd.drafts.choice import NO_LINK_ENCODER, Candidate
 
 TURN = 2.0 * math.pi
 RPM = TURN / 60.0
@@ -27,7 +27,7 @@ class Scale:
     sure: bool = False
 
 
-def scale_of(sheet: DataSheet, name: str, where: Found) -> Scale:
+def scale_of(sheet: DataSheet, name: str, where: Candidate) -> Scale:
     """Scale of the object that holds a quantity."""
     if name in ("current", "torque"):
         return _of_effort(name, where)
@@ -46,7 +46,7 @@ def scale_of(sheet: DataSheet, name: str, where: Found) -> Scale:
     return stated or Scale(0.1 * RPM, guess)
 
 
-def _of_effort(name: str, where: Found) -> Scale:
+def _of_effort(name: str, where: Candidate) -> Scale:
     if where.index in (0x6077, 0x6078):
         return Scale(0.001, "per mille of the rated value, by CiA 402", sure=True)
     why = "per mille of the rated value is a guess, as the maker's own object is"
@@ -56,7 +56,7 @@ def _of_effort(name: str, where: Found) -> Scale:
     return Scale(0.001, why)
 
 
-def _at_motor(sheet: DataSheet, where: Found) -> Scale:
+def _at_motor(sheet: DataSheet, where: Candidate) -> Scale:
     stated = _si_unit(sheet, 0x60A8) if where.index == 0x6064 else None
     if stated is not None:
         return stated
@@ -66,7 +66,7 @@ def _at_motor(sheet: DataSheet, where: Found) -> Scale:
     return Scale(TURN / MOTOR_COUNTS, why)
 
 
-def _at_link(sheet: DataSheet, where: Found) -> Scale:
+def _at_link(sheet: DataSheet, where: Candidate) -> Scale:
     if where.doubt != NO_LINK_ENCODER:
         why = f"2 pi / counts per turn of the link's encoder: {LINK_COUNTS} is a guess"
         return Scale(TURN / LINK_COUNTS, why)

@@ -73,9 +73,9 @@ def friction_outcome(
         wide_intervals,
     )
     from programs.identify.guesses import guessed_constants
+    from programs.identify.limit_cycle_watch import limit_cycle_sentence, limit_cycle_sentences
     from programs.identify.log_notes import late_encoders, offsets
     from programs.identify.plots import plot_friction
-    from programs.identify.swinging import spoilt, swing_sentence
 
     c, log = robot.configuration, measured.log
     limit = row(c, lambda j: j.wiring.max_current_A)
@@ -95,7 +95,7 @@ def friction_outcome(
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         # Oscillation in a gap resembles friction, and would fit well.
-        swings = spoilt(cycles, gain)
+        swings = limit_cycle_sentences(cycles, gain)
         fits = [
             replace(fit, verdict=Verdict.SWINGS, reason="; ".join(filter(None, (why, fit.reason))))
             if (why := swings.get(fit.joint))
@@ -115,7 +115,7 @@ def friction_outcome(
     }
     notes = measured.notes + wide_intervals(fits, masses_identified=weighed)
     if now_and_then := [one for one in cycles if gain is None or not one.spoils]:
-        notes += (swing_sentence(now_and_then, gain),)
+        notes += (limit_cycle_sentence(now_and_then, gain),)
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or hit something",)  # fmt: skip

@@ -55,8 +55,8 @@ def masses_outcome(
     from identification.log_checks import refuse_implausible
     from identification.masses import MassesVerdict, identify_masses
     from programs.identify.guesses import refuse_guessed_constants
+    from programs.identify.limit_cycle_watch import limit_cycle_sentences
     from programs.identify.log_notes import late_encoders, offsets
-    from programs.identify.swinging import spoilt
 
     refuse_guessed_constants(robot)
     c = robot.configuration
@@ -70,7 +70,7 @@ def masses_outcome(
     )
     half_gap, reference = row(c, lambda j: j.half_gap), measured.reference
     cycles = [] if reference is None else limit_cycles(measured.log, reference, half_gap)
-    swings = spoilt(cycles, c.control.position_gain)
+    swings = limit_cycle_sentences(cycles, c.control.position_gain)
     fits = [
         replace(fit, verdict=MassesVerdict.SWINGS, reason=swings[fit.joint])
         if fit.joint in swings

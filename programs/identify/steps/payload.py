@@ -69,10 +69,10 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     """Outcome with the load in the hand, from contact-free motion. Raises LogError for implausible
     measurements."""
     from daemon.assembly import build_transmission
+    from daemon.config.digests import digests
     from daemon.config.identified import IdentifiedPayload
-    from daemon.config.marks import marks
     from daemon.config.vectors import row
-    from daemon.config.worst_loads import Carrying
+    from daemon.config.worst_loads import PayloadCapacity
     from estimator.payload import Payload
     from identification.log_checks import refuse_implausible
     from identification.payload_fit import PayloadVerdict, identify_payload
@@ -92,13 +92,13 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     line = Line(name, fit.verdict.value, good, _figures(fit, model.hand), fit.reason)
     if line.good:
         load = Payload.of(round(fit.mass, 4), [round(float(x), 4) for x in fit.com])
-        if weak := Carrying(c, model).too_heavy(load):
+        if weak := PayloadCapacity(c, model).too_heavy(load):
             line = replace(line, verdict="too heavy", good=False, reason="; ".join(weak))
         else:
             payloads[name] = IdentifiedPayload(
                 date=date,
                 log=measured.sha256,
-                of=marks(c, robot.urdf)[IdentifiedPayload.depends],
+                of=digests(c, robot.urdf)[IdentifiedPayload.depends],
                 mass=load.mass,
                 com=(load.com[0], load.com[1], load.com[2]),
                 mass_error=float(f"{fit.mass_error:.3g}"),

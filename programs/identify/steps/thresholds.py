@@ -55,10 +55,10 @@ def thresholds(
 
 def _moved(arm: "LiveArm", seconds: float) -> "Measured":
     """Move all joints along an excitation, and record the residuals."""
-    from daemon.config.identified import residuals_alike
+    from daemon.config.identified import same_residuals
     from programs.identify.live_arm import TO_READ_ANEW
 
-    if not residuals_alike(arm.session.configuration(), arm.configuration):
+    if not same_residuals(arm.session.configuration(), arm.configuration):
         raise ConfigurationError(
             "values of the joints were changed since the daemon read its files, so its residuals "
             f"use outdated ones: {TO_READ_ANEW}, then repeat this"
@@ -76,8 +76,8 @@ def thresholds_outcome(
     from daemon.config.vectors import row
     from identification.limit_cycle import limit_cycles
     from identification.thresholds import LevelVerdict, identify_levels
+    from programs.identify.limit_cycle_watch import limit_cycle_sentences
     from programs.identify.stated_levels import misfits, unused
-    from programs.identify.swinging import spoilt
 
     c, log = robot.configuration, measured.log
     settings, hidden, least = _settings(c, per_hour, it_was_me=it_was_me)
@@ -86,7 +86,7 @@ def thresholds_outcome(
     cycles = limit_cycles(log, measured.reference, row(c, lambda j: j.half_gap))
     gain = measured.gain or c.control.position_gain
     # Under another program's control the reference is unknown, and so is whether a link swings.
-    swings = {} if measured.reference is None else spoilt(cycles, gain)
+    swings = {} if measured.reference is None else limit_cycle_sentences(cycles, gain)
     levels = [
         replace(one, verdict=LevelVerdict.SWINGS, reason=swings[one.joint])
         if one.joint in swings and one.verdict is not LevelVerdict.STILL
@@ -141,16 +141,16 @@ def thresholds_outcome(
 def _motion(measured: "Measured") -> "Motion":
     from identification.thresholds import Motion
 
-    r, raised, touched, unsure = (
-        measured.residual, measured.raised, measured.touched, measured.unsure
+    r, raised, touched, uncertain = (
+        measured.residual, measured.raised, measured.touched, measured.uncertain
     )  # fmt: skip
-    if r is None or raised is None or touched is None or unsure is None:
+    if r is None or raised is None or touched is None or uncertain is None:
         raise LogError("thresholds need residuals")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: `contactctl reload`, then record again")
     log = measured.log
     return Motion(time_s=log.time_s, position=log.link_position, velocity=log.motor_velocity,
-                  residual=r, raised=raised, touched=touched, unsure=unsure)  # fmt: skip
+                  residual=r, raised=raised, touched=touched, uncertain=uncertain)  # fmt: skip
 
 
 def _figures(one: "LevelsResult") -> str:

@@ -39,7 +39,7 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
         except ApartError as error:
             new = {joint: why for joint, why in error.why.items() if joint not in wrong}
             left = [joint for joint in left if joint not in new]
-            _go_on_without(identification, wrong, new, left, error)
+            _report_apart(identification, wrong, new, left, error)
             wrong |= new
             outcomes.append(False)
         else:
@@ -63,7 +63,7 @@ def _show_swapped(identification: "Identification", follows: Mapping[str, float]
         )
 
 
-def _go_on_without(
+def _report_apart(
     identification: "Identification",
     wrong: Iterable[str],
     new: Mapping[str, str],

@@ -9,11 +9,11 @@ from tests.bench.soak.scenes import C, broken_by, first, notices, state
 
 N = len(C.joints)
 QUIET = round(C.admittance.quiet_s / C.period_s)  # ticks
-DEAF = [False] + [True] * (N - 1)
+NOT_SENSING = [False] + [True] * (N - 1)
 
 
 def at(tick: int, *, senses: bool = True, **changes: Any) -> State:
-    return state(tick, sensing=[True] * N if senses else DEAF, **changes)
+    return state(tick, sensing=[True] * N if senses else NOT_SENSING, **changes)
 
 
 def moved(before: str, after: str) -> list[Notice]:
@@ -62,7 +62,7 @@ KEPT: dict[str, list[State]] = {
     "deaf, and it holds": deaf_for(20, "holding"),
     "deaf, and it stops": deaf_for(20, "stopping"),
     "deaf while it is off, and not when it moves": [
-        *(state(k, mode="off", sensing=DEAF) for k in range(1, 20)),
+        *(state(k, mode="off", sensing=NOT_SENSING) for k in range(1, 20)),
         *(state(k, mode="off", sensing=[True] * N) for k in (20, 21)),
     ],
     "format 1": [state(k, mode="tracking") for k in range(1, 20)],

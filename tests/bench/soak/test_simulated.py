@@ -15,7 +15,7 @@ from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from daemon.config.schema import Configuration
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.protocol.requests import bare
-from drivers.stopping.stop_watch import Seen, StopWatch
+from drivers.stopping.stop_watch import StopReading, StopWatch
 from simulator.hand_script import Push
 
 
@@ -68,7 +68,7 @@ def test_what_is_no_part_of_the_soak_is_a_fault_nevertheless() -> None:
     assert outside >= {"sync_moved", "sync_lost", "mode_changed", "rpdo_off", "drive_restarts"}
 
 
-def believes(watch: StopWatch, now: float, seen: Seen | None) -> None:
+def believes(watch: StopWatch, now: float, seen: StopReading | None) -> None:
     watch.proved = now > watch._now_s
 
 

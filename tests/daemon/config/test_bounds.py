@@ -16,7 +16,7 @@ from daemon.assembly import build_estimator
 from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
-from daemon.faults.detector import patience_deaf
+from daemon.faults.detector import tolerated_ticks
 from estimator.estimate import SENSED_PERIODS
 from estimator.interval import ROW
 from estimator.residual import Residual
@@ -27,7 +27,7 @@ ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
 OF_MOTOR = "Nm (torque_constant times max_current_A)"
 # An arm, the file that is edited (a pattern, what takes its place), the place that must be named,
 # and what the message must say: value, what is allowed, and by what.
-DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
+NOT_SENSING: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "levels of 800 Nm on a motor of 12": (
         SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0, least: 0.1",
         "contact: 800, collision: 900, least: 160", "joints[0] (joint).thresholds.contact",
@@ -149,9 +149,9 @@ def edited(tmp_path: Path, folder: Path, file: str, pattern: str, new: str) -> P
     return tmp_path / folder.name
 
 
-@pytest.mark.parametrize("name", DEAF)
+@pytest.mark.parametrize("name", NOT_SENSING)
 def test_what_makes_an_arm_deaf_is_refused(name: str, tmp_path: Path) -> None:
-    folder, file, pattern, new, where, words = DEAF[name]
+    folder, file, pattern, new, where, words = NOT_SENSING[name]
     arm = edited(tmp_path, folder, file, pattern, new)
     with pytest.raises(ConfigurationError) as caught:
         load_robot(arm)
@@ -242,9 +242,9 @@ def feels(c: Configuration) -> bool:
     estimator = build_estimator(c, ROBOT.model)
     motor = joint.torque_constant * joint.wiring.max_current_A
     levels = estimator.detector.levels
-    in_motion = levels.usual(0, joint.limits.velocity)
+    in_motion = levels.configured(0, joint.limits.velocity)
     hidden = levels.friction_at(0, 1.0, stiction_range(joint.friction.stiction)[1], 1.0, 0.0)
-    at_rest = levels.contact_at(0, hidden + levels.unsure(0, True, False, False, 0.0))
+    at_rest = levels.contact_at(0, hidden + levels.uncertainty(0, True, False, False, 0.0))
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
     impulse = np.zeros(len(ROW))
@@ -303,9 +303,9 @@ def test_a_period_that_is_deaf_for_long_is_reported(period_ms: int) -> None:
     c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
     warnings = [p.what for p in near(c, robot.model) if p.where == "period_ms"]
     assert len(warnings) == (period_ms > 40)
-    patience = patience_deaf(period_ms / 1000)
-    assert 1 <= patience <= 5
+    tolerated = tolerated_ticks(period_ms / 1000)
+    assert 1 <= tolerated <= 5
     if period_ms <= 40:
-        assert (SENSED_PERIODS + patience) * period_ms <= 150
+        assert (SENSED_PERIODS + tolerated) * period_ms <= 150
     # No sooner than it must: on a fast loop a few samples are no doubt.
-    assert patience == 5 or (patience + 1) * period_ms > 60
+    assert tolerated == 5 or (tolerated + 1) * period_ms > 60

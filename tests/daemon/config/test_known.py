@@ -11,6 +11,7 @@ import pytest
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from common.errors import ConfigurationError
 from daemon.assembly import check_parameters, covered_range
+from daemon.config.digests import fingerprint
 from daemon.config.evidence import objections
 from daemon.config.identified import (
     Entry,
@@ -25,7 +26,6 @@ from daemon.config.identified import (
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
-from daemon.config.marks import fingerprint
 from daemon.config.schema import Configuration, Friction, Levels
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
@@ -63,8 +63,8 @@ def arm(folder: Path, known: str = "", *steps: str) -> Robot:
     config.write_text("".join(lines))
     robot = load_robot(place)
     joint = IdentifiedJoint(serial=1, **{step: ENTRIES[step] for step in steps})
-    mark = fingerprint(robot.configuration, robot.urdf)
-    found = Identified(configuration=mark, joints={"joint": joint})
+    digest = fingerprint(robot.configuration, robot.urdf)
+    found = Identified(configuration=digest, joints={"joint": joint})
     write_identified(place / "identified.yaml", found)
     return load_robot(place)
 

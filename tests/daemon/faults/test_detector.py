@@ -206,7 +206,7 @@ def test_an_arm_that_senses_nothing_somewhere_holds(
     ]
     deaf = [k + 1 for k, these in enumerate(found) if these]
     assert (deaf[0] if deaf else None) == deaf_after
-    assert all(these == [(Condition.DEAF, "elbow")] for these in found if these)
+    assert all(these == [(Condition.NOT_SENSING, "elbow")] for these in found if these)
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_late_answers_of_which_one_is_missing_are_late(
         ".": samples(),
     }
     found = [detect(detector, taken[one]) for one in pattern * 250]
-    deaf = [any(condition is Condition.DEAF for condition, _ in each) for each in found]
+    deaf = [any(condition is Condition.NOT_SENSING for condition, _ in each) for each in found]
     assert any(deaf) is holds
     assert deaf == sorted(deaf), "it does not come and go"
     if holds:

@@ -99,7 +99,7 @@ def test_after_silence_no_reset_believes_a_velocity_alone() -> None:
             on.tick()
             judge.see()
             drives = on.rig.drives
-            may = drives.left_alone or not drives.unproved()
+            may = drives.master_timeout_passed or not drives.unproved()
             if on.rig.mode is Mode.FAULTED and tick % 40 == 0 and may:
                 if tick > 200:
                     deaf.close()  # type: ignore[attr-defined]  # its cause is gone

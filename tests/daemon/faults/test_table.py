@@ -19,7 +19,7 @@ EXPECTED = {
     Response.HOLD: {
         Condition.STARVED,
         Condition.OLD,
-        Condition.DEAF,
+        Condition.NOT_SENSING,
         Condition.ERROR_PASSIVE,
         Condition.TORQUE_SATURATED,
         Condition.JOINT_LIMIT,
@@ -52,7 +52,7 @@ CHECKS = {
         Condition.UNPROVED,
     },
     "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED, Condition.OLD},
-    "estimator": {Condition.DEAF},
+    "estimator": {Condition.NOT_SENSING},
     "heartbeats": {Condition.HEARTBEAT_LOST, Condition.UNHEARD, Condition.UNGUARDED},
     "emergencies": {Condition.EMERGENCY},
     "set-up": {Condition.REBOOTED},

@@ -11,7 +11,7 @@ S, E = ReleaseStage, Event
 @pytest.mark.parametrize(
     ("event", "end", "stage"),
     [
-        (E.HALT, Ending.LET_GO, S.LET_GO),
+        (E.HALT, Ending.CONTACT_ENDED, S.CONTACT_ENDED),
         (E.HALT, Ending.UNSURE, S.UNFINISHED),
         (E.HALT, Ending.ELSEWHERE, S.RELEASED),
         (E.HALT, None, S.RELEASED),  # another collision, configured to hold
@@ -19,7 +19,7 @@ S, E = ReleaseStage, Event
         (E.BOUND, Ending.TIME, S.RELEASED),
         (E.STOP, None, S.RELEASED),
         (E.DOUBT, None, S.UNFINISHED),
-        (E.DOUBT, Ending.LET_GO, S.UNFINISHED),
+        (E.DOUBT, Ending.CONTACT_ENDED, S.UNFINISHED),
         (E.FAULT, None, S.RELEASED),
     ],
 )
@@ -29,7 +29,7 @@ def test_stage_after_a_release(event: Event, end: Ending | None, stage: ReleaseS
 
 def test_only_an_arm_that_let_go_changes_its_stage_with_another_mode() -> None:
     changed = {stage: after_change(stage) for stage in S}
-    assert changed == {**{stage: stage for stage in S}, S.LET_GO: S.RELEASED}
+    assert changed == {**{stage: stage for stage in S}, S.CONTACT_ENDED: S.RELEASED}
 
 
 def test_a_contact_may_be_left_after_every_release() -> None:

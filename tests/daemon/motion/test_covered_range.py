@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.motion.covered_range import CoveredRange
-from daemon.motion.path import Place
+from daemon.motion.path import PathPoint
 from daemon.motion.pose_path import PosePath
 
 
@@ -22,4 +22,4 @@ def test_the_way_begins_where_the_arm_stands(start: float, goal: float, said: st
     q = np.array([start])
     path = PosePath("pose", q, np.array([goal]), np.array([0.2]))
     expected = f"elbow moves within {said} rad; its thresholds cover [-0.12, 0.12]"
-    assert seen.beyond(["elbow"], q, Place(path)) == ([expected] if said else [])
+    assert seen.beyond(["elbow"], q, PathPoint(path)) == ([expected] if said else [])

@@ -10,9 +10,9 @@ from daemon.modes.table import Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.motion import Motion
-from daemon.motion.path import Follower, Place
+from daemon.motion.path import Follower, PathPoint
 from daemon.motion.pose_path import PosePath
-from daemon.tick.refusals import leads_through
+from daemon.tick.refusals import path_collision
 from estimator.clearance import Clearance
 from estimator.dynamics import Body
 from estimator.shapes import Box, Capsule, Plane
@@ -90,7 +90,7 @@ def straight(clearance: Clearance, q: np.ndarray, goal: np.ndarray) -> Depths:
 
 def moved(walls: Walls, q: np.ndarray, path: PosePath) -> Depths:
     """Depths on such a path with drives that lag."""
-    n, depths, follower = len(q), Depths(walls.clearance, q), Follower(Place(path), 1.0)
+    n, depths, follower = len(q), Depths(walls.clearance, q), Follower(PathPoint(path), 1.0)
     limits = Limits(np.full(n, -9.0), np.full(n, 9.0), np.full(n, 2.0), np.full(n, A), 0.025)
     manner = replace(MANNER, release=replace(MANNER.release, ahead=np.full(n, 0.15)))
     law, gains = AdmittanceLaw(np.zeros(n), np.full(n, 0.5)), Gains(np.ones(n))
@@ -115,7 +115,10 @@ def test_a_straight_way_is_accepted_if_and_only_if_no_pair_gets_deeper(kind, bey
         for _ in range(6):
             goal = q + rng.uniform(-1.0, 1.0, len(q)) * rng.integers(0, 2, len(q))
             path = PosePath("a pose", q, goal, np.full(len(q), 0.3))
-            true, met = straight(walls.clearance, q, goal), leads_through(walls, q, Place(path))
+            true, met = (
+                straight(walls.clearance, q, goal),
+                path_collision(walls, q, PathPoint(path)),
+            )
             if met is not None:
                 inside = "deeper into" in met.text
                 assert true.grown > (SINKS_M - 1e-3 if inside else 0.0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from common.arrays import Vector
 from daemon.motion.limits import Limits
-from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.motion.path import Follower, PathPoint, Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import rows_of, slopes
 
@@ -20,7 +20,7 @@ HERE = np.array([1.0, -0.5, 0.2])
 
 
 def follower_of(path: object = PATH, ramp_s: float = RAMP) -> Follower:
-    return Follower(Place(path), ramp_s)  # type: ignore[arg-type]
+    return Follower(PathPoint(path), ramp_s)  # type: ignore[arg-type]
 
 
 def wave(duration: float = 4.0) -> SampledPath:
@@ -116,7 +116,7 @@ def test_put_at_its_beginning_it_begins_from_the_start() -> None:
     used.anchor(HERE)
     for _ in range(321):
         used.step(DT)
-    used.place = Place(PATH)
+    used.place = PathPoint(PATH)
     for follower in (used, fresh):
         follower.anchor(HERE)
     np.testing.assert_array_equal(used.step(DT).q, fresh.step(DT).q)
@@ -134,7 +134,7 @@ def test_put_at_its_beginning_it_begins_from_the_start() -> None:
 )
 def test_which_joints_would_leave_their_limits(shift: list[float], leaves: list[bool]) -> None:
     bound = np.full(3, 0.5)
-    assert Place(PATH).leaves_limits(np.array(shift), -bound, bound).tolist() == leaves
+    assert PathPoint(PATH).leaves_limits(np.array(shift), -bound, bound).tolist() == leaves
 
 
 def test_leaving_limits_looks_at_the_path_ahead_not_only_at_the_place() -> None:
@@ -156,12 +156,12 @@ def test_only_the_beginning_of_recorded_samples_asks_for_a_place() -> None:
     def stand(b: float) -> np.ndarray:  # joints that are not named may stand anywhere
         return np.array([9.0, b, -9.0])
 
-    place = Place(wave())
-    assert not place.astray(stand(0.1), 0.05).any()
-    assert not place.astray(stand(0.149), 0.05).any()
-    assert place.astray(stand(0.049), 0.05).tolist() == [False, True, False]
-    assert not Place(wave(), 1.0).astray(stand(1.1), 0.05).any()
-    assert not Place(PATH).astray(stand(0.1), 0.05).any()
+    place = PathPoint(wave())
+    assert not place.off_start(stand(0.1), 0.05).any()
+    assert not place.off_start(stand(0.149), 0.05).any()
+    assert place.off_start(stand(0.049), 0.05).tolist() == [False, True, False]
+    assert not PathPoint(wave(), 1.0).off_start(stand(1.1), 0.05).any()
+    assert not PathPoint(PATH).off_start(stand(0.1), 0.05).any()
 
 
 positions = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
@@ -170,7 +170,7 @@ LOWER, UPPER = np.full(3, -1.0), np.full(3, 1.0)
 
 @given(positions, st.floats(0.0, 20.0), st.floats(0.0, 0.5))
 def test_the_nearest_place_where_a_path_fits(q: Vector, s: float, inside: float) -> None:
-    place = Place(PATH, s)
+    place = PathPoint(PATH, s)
     nearest = place.nearest(q, LOWER, UPPER, inside)
     assert not place.leaves_limits(nearest, LOWER, UPPER).any()
     assert nearest[1] == q[1]  # it holds
@@ -188,13 +188,13 @@ def test_the_nearest_place_where_a_path_fits(q: Vector, s: float, inside: float)
 
 
 def test_a_path_that_fits_nowhere_has_no_nearest_place() -> None:
-    nearest = Place(PATH).nearest(HERE, np.full(3, -0.3), np.full(3, 0.3))
+    nearest = PathPoint(PATH).nearest(HERE, np.full(3, -0.3), np.full(3, 0.3))
     assert np.isnan(nearest).tolist() == [True, False, False]
 
 
 def test_of_a_path_that_ends_only_what_is_left_must_fit() -> None:
     """b goes from 0.1 over 0.4 at s = pi/2 to -0.2 or so at 4."""
     q = np.array([0.0, 0.9, 0.0])
-    nearest = Place(wave(), 0.0).nearest(q, LOWER, UPPER)
+    nearest = PathPoint(wave(), 0.0).nearest(q, LOWER, UPPER)
     assert nearest[1] == pytest.approx(0.7, abs=1e-3)
-    assert Place(wave(), 2.0).nearest(q, LOWER, UPPER)[1] == 0.9
+    assert PathPoint(wave(), 2.0).nearest(q, LOWER, UPPER)[1] == 0.9

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from common.arrays import Vector
 from daemon.motion.limits import Limits
-from daemon.motion.path import Follower, Place
+from daemon.motion.path import Follower, PathPoint
 from daemon.motion.pose_path import PosePath, run_time_s
 
 DT, RAMP = 0.01, 1.0
@@ -53,7 +53,7 @@ def test_it_keeps_every_limit_and_ends_at_the_goal(start: Vector, goal: Vector, 
     way = path(start, goal, s)
     if way.duration > 60.0:
         return
-    q, velocity = run(Follower(Place(way), RAMP), start)
+    q, velocity = run(Follower(PathPoint(way), RAMP), start)
     np.testing.assert_allclose(q[-1], goal, atol=1e-9)
     assert (q >= np.minimum(start, goal) - 1e-9).all()
     assert (q <= np.maximum(start, goal) + 1e-9).all()
@@ -68,13 +68,13 @@ def test_it_keeps_every_limit_and_ends_at_the_goal(start: Vector, goal: Vector, 
 @pytest.mark.parametrize("distance", [1e-4, 0.01, 0.1, 0.3, 0.9])
 def test_it_takes_the_time_that_is_stated(distance: float) -> None:
     way = path([0.0, 0.0, 0.5], (distance, 0.0, 0.5))
-    q, _ = run(Follower(Place(way), RAMP), way.start)
+    q, _ = run(Follower(PathPoint(way), RAMP), way.start)
     assert (len(q) - 1) * DT == pytest.approx(run_time_s(way.duration, RAMP), abs=0.1)
 
 
 def test_led_away_it_goes_to_the_same_goal() -> None:
     way, goal = path([0.0, 0.0, 1.0], (0.4, -0.2, 1.0)), np.array([0.4, -0.2, 1.0])
-    follower = Follower(Place(way), RAMP)
+    follower = Follower(PathPoint(way), RAMP)
     follower.anchor(way.start)
     for _ in range(150):
         follower.step(DT)
@@ -89,6 +89,6 @@ def test_led_away_it_goes_to_the_same_goal() -> None:
 def test_from_a_little_outside_it_leads_inwards() -> None:
     outside = np.array([-1.01, 0.52, 1.0])
     way = path(outside, (-0.9, 0.5, 1.0))
-    assert not Place(way).leaves_limits(outside, LOWER, UPPER).any()
+    assert not PathPoint(way).leaves_limits(outside, LOWER, UPPER).any()
     beyond = PosePath("x", outside, np.array([-1.001, 0.5, 1.0]), np.full(3, 0.2))
-    assert Place(beyond).leaves_limits(outside, LOWER, UPPER).tolist() == [True, False, False]
+    assert PathPoint(beyond).leaves_limits(outside, LOWER, UPPER).tolist() == [True, False, False]

@@ -81,7 +81,7 @@ def test_each_joint_stops_when_it_feels_no_more_and_the_last_one_ends_it() -> No
     assert release.velocity(np.zeros(2))[1] == 0.0
     assert not release.end
     release.step(np.zeros(2), FOLLOWS, np.zeros(2), DT, sure=True)
-    assert release.end is Ending.LET_GO
+    assert release.end is Ending.CONTACT_ENDED
 
 
 @pytest.mark.parametrize(

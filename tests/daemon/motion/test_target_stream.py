@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from daemon.modes.table import Mode
-from daemon.motion.path import Place
+from daemon.motion.path import PathPoint
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import (
     BRAKED_S,
@@ -169,7 +169,7 @@ def test_an_arm_that_lags_behind_stands_in_time_and_is_not_led_on() -> None:
     """A position loop leads an arm that is behind its reference on to it, long after the last
     target."""
     made, motion = stream(), ideal_arm().controller.motion
-    motion.follower.place = Place(made)
+    motion.follower.place = PathPoint(made)
     motion.follow(np.zeros(2))
     q, moves, push = np.zeros(2), np.zeros(2), np.zeros(2)
     after = []  # setpoints after the last target

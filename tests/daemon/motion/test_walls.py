@@ -10,10 +10,10 @@ from daemon.modes.table import Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.motion import Motion
-from daemon.motion.path import Follower, Place
+from daemon.motion.path import Follower, PathPoint
 from daemon.motion.pose_path import PosePath
 from daemon.protocol.state import Meeting
-from daemon.tick.refusals import leads_through
+from daemon.tick.refusals import path_collision
 from estimator.clearance import Clearance
 from estimator.dynamics import Body
 from estimator.shapes import Box, Capsule, Plane
@@ -215,14 +215,14 @@ def test_a_path_that_leads_through_is_refused_with_where() -> None:
     here, beyond = np.array([0.9, 0.0, 0.0]), np.array([-0.4, 0.9, 0.0])
 
     def way(start: np.ndarray, goal: np.ndarray) -> Meeting | None:
-        return leads_through(one, start, Place(PosePath("pose", start, goal, speed)))
+        return path_collision(one, start, PathPoint(PosePath("pose", start, goal, speed)))
 
     met = way(here, beyond)
     assert met is not None
     assert met.pair == ["link 1", "box"]
     assert one.touch(np.array(met.position))
     assert not one.touch(np.array(met.position) - 0.03 * (beyond - here))  # the first such place
-    assert not leads_through(None, here, Place(PosePath("pose", here, beyond, speed)))
+    assert not path_collision(None, here, PathPoint(PosePath("pose", here, beyond, speed)))
     assert not way(here, here + 0.3)
     assert not way(here, here)
     inside = np.array([-0.4, 0.0, 0.0])
@@ -238,7 +238,7 @@ def test_what_just_touches_is_refused_without_a_depth() -> None:
 
     def way(share: float) -> Meeting | None:
         goal = here + share * (beyond - here)
-        return leads_through(one, here, Place(PosePath("pose", here, goal, np.full(3, 0.5))))
+        return path_collision(one, here, PathPoint(PosePath("pose", here, goal, np.full(3, 0.5))))
 
     free, through = 0.0, 1.0
     while through - free > 1e-6:
@@ -258,14 +258,14 @@ def test_what_overlaps_already_hides_no_other_pair() -> None:
     path = PosePath("pose", q, np.array([0.0, -1.3, -0.3]), np.full(3, 0.5))
     one.clearance.at(q)
     assert np.min(one.clearance.gap) < -0.1
-    met = leads_through(one, q, Place(path))
+    met = path_collision(one, q, PathPoint(path))
     assert met is not None
     assert met.pair == ["link 2", "table"]
 
 
 def test_shapes_without_a_pair_bound_and_refuse_nothing() -> None:
     empty, q = Walls(Clearance(*links_of(), []), ACCELERATION, REACTION_S, 0.005), np.zeros(3)
-    assert not leads_through(empty, q, Place(PosePath("pose", q, q + 0.3, q + 0.5)))
+    assert not path_collision(empty, q, PathPoint(PosePath("pose", q, q + 0.3, q + 0.5)))
     assert np.all(bounded(empty, q, np.ones(3)) == 1.0)
     assert empty.nearest == -1
 
@@ -275,7 +275,7 @@ def test_what_a_wall_held_back_does_not_dash_when_it_opens() -> None:
     box = Box("box", np.array([0.681, 0, 0.667]), np.eye(3), np.full(3, 0.03))
     start, goal = np.array([0.574, -1.226, -0.028]), np.array([1.349, 0.094, -1.076])
     limits = Limits(np.full(3, -3.0), np.full(3, 3.0), np.full(3, 2.0), ACCELERATION, REACTION_S)
-    follower = Follower(Place(PosePath("pose", start, goal, np.full(3, 0.3))), 1.0)
+    follower = Follower(PathPoint(PosePath("pose", start, goal, np.full(3, 0.3))), 1.0)
     law, gains = AdmittanceLaw(np.zeros(3), np.full(3, 0.5)), Gains(np.ones(3))
     manner = replace(MANNER, release=replace(MANNER.release, ahead=np.full(3, 0.15)))
     motion = Motion(manner, limits, law, gains, follower, walls=walls(box))

@@ -190,7 +190,7 @@ def test_what_no_one_looks_after_is_saved(path, logs):
     filled(path)
     with path.open("rb") as ring:
         fcntl.flock(ring, fcntl.LOCK_EX)
-        assert save_left_over(path, logs, patience_s=0.1) is None, "it is looked after"
+        assert save_left_over(path, logs, timeout_s=0.1) is None, "it is looked after"
     saved = save_left_over(path, logs)
     assert saved is not None
     assert ids(saved) == [0x181, 0x182, 0x183]
@@ -232,7 +232,7 @@ def test_kill_9_with_the_real_helper(path, logs):
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_start_that_failed_leaves_no_log(path, logs, begun, monkeypatch):
-    monkeypatch.setattr(black_box, "FAULTED_PATIENCE_S", 20.0)  # this machine may be busy
+    monkeypatch.setattr(black_box, "FAULTED_TIMEOUT_S", 20.0)  # this machine may be busy
 
     def fail():
         with BlackBox(path, logs, 10.0) as box:

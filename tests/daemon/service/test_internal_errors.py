@@ -137,7 +137,7 @@ def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
         served.rig.enable()
         served.run(0.5)
     if before == "faulted":
-        served.rig.tick.controller.mend(Event.FAULT, "the test", served.rig.time_s)
+        served.rig.tick.controller.apply_event(Event.FAULT, "the test", served.rig.time_s)
         served.run(0.5)
     monkeypatch.setattr(of, name, breaking_after(getattr(of, name)))
     request = SetPayload(mass=0.2) if command == "payload" else bare(command)

@@ -24,14 +24,14 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from contactd_client.paths import view_socket_path
 from programs.clients.client import Client
 from programs.contactd import contactd
-from programs.foxglove.foxglove_door import serve
+from programs.foxglove.server import serve
 from tests.programs.web.visitor import visiting
 from tests.programs.zenoh.bridge import Bridge
 from tests.programs.zenoh.zenoh_router import free_port, session_at
 
 ROOT = Path(contactd.__file__).parents[2]
 OLD, NEW = "joint", "elbow"
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 
 
 def rename(arm: Path) -> None:
@@ -48,7 +48,7 @@ def rename(arm: Path) -> None:
 
 
 def tick_until(served: ServedDaemon, what: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not what():
         assert time.monotonic() < deadline, "it never came"
         served.tick()
@@ -70,7 +70,7 @@ def beside(work: Callable[[], None]) -> Iterator[threading.Thread]:
     try:
         yield thread
     finally:
-        thread.join(PATIENCE_S)
+        thread.join(TIMEOUT_S)
         assert not thread.is_alive()
 
 
@@ -84,7 +84,7 @@ def test_the_page(served: ServedDaemon, arm: Path) -> None:
         async with visiting(view_socket_path(served.path)) as visitor:
             live = await visitor.live()
             while not (drawn and advised):
-                message = await live.receive(PATIENCE_S)
+                message = await live.receive(TIMEOUT_S)
                 if message.type is not aiohttp.WSMsgType.TEXT:
                     continue
                 reported = json.loads(message.data)
@@ -125,7 +125,7 @@ def test_foxglove(served: ServedDaemon, arm: Path) -> None:
                 await asyncio.sleep(0.05)
 
     def door() -> None:
-        serve(lambda: Client(served.path, PATIENCE_S), "127.0.0.1", port, 33.0, said.append,
+        serve(lambda: Client(served.path, TIMEOUT_S), "127.0.0.1", port, 33.0, said.append,
               lambda: not ended.is_set())  # fmt: skip
 
     pytest.importorskip("foxglove")
@@ -198,7 +198,7 @@ def test_watch_goes_on_and_ends_with_the_daemon(arm: Path) -> None:
                 take_up(served, arm)
                 tick_until(served, lambda: NEW.encode() in drawn)
                 served.service.control.close()
-                assert process.wait(PATIENCE_S) == 69
+                assert process.wait(TIMEOUT_S) == 69
             finally:
                 process.kill()
                 process.wait()

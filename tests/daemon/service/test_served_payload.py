@@ -10,7 +10,7 @@ from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.load import load_robot
 from daemon.config.schema import PayloadEntry
-from daemon.config.worst_loads import Carrying
+from daemon.config.worst_loads import PayloadCapacity
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import SetPayload
 from daemon.protocol.state import State
@@ -159,13 +159,13 @@ def test_names_come_from_the_configuration(tmp_path: Path) -> None:
 def test_what_the_motors_can_hold_is_at_the_bound() -> None:
     """1 kg at 0.2 m and a motor of 12 Nm."""
     robot = load_robot(SINGLE_JOINT)
-    carrying = Carrying(robot.configuration, robot.model)
+    capacity = PayloadCapacity(robot.configuration, robot.model)
     place = (0.0, 0.0, -0.3)
-    reasons = carrying.too_heavy(Payload.of(20.0, place))
+    reasons = capacity.too_heavy(Payload.of(20.0, place))
     assert "joint would need up to" in reasons[0]
     most = (12.0 / (9.81 * np.sin(1.4)) - 0.2) / 0.3
-    assert not carrying.too_heavy(Payload.of(0.999 * most, place))
-    assert carrying.too_heavy(Payload.of(1.001 * most, place))
+    assert not capacity.too_heavy(Payload.of(0.999 * most, place))
+    assert capacity.too_heavy(Payload.of(1.001 * most, place))
 
 
 def test_states_without_it_are_read() -> None:

@@ -14,7 +14,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.replies import Check, Status, Trajectory, Way
+from daemon.protocol.replies import Check, PlannedPath, Status, Trajectory
 from daemon.protocol.requests import Go, Request, Stop
 from daemon.service.poses import Poses
 from daemon.service.status import ASK_AGAIN
@@ -71,7 +71,7 @@ def test_it_goes_there_and_says_what_it_does(
     ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
 )
 def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
-    way = Way(
+    way = PlannedPath(
         name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0,
         shapes=shapes,
     )  # fmt: skip
@@ -319,7 +319,7 @@ def test_what_was_halted_before_its_client_went_is_forgotten_too(
     """As after Ctrl-C of a step of the identification, or a contact."""
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
-        served.rig.tick.controller.mend(event, "before", served.rig.time_s)
+        served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
         served.run(0.5)
         paused = trajectory(served)
         assert (paused.state, paused.attended) == ("paused", True)
@@ -338,7 +338,7 @@ def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -
         sets_out(served, client, attended=True)
         machine = served.rig.tick.controller.machine
         machine.arm("the test")
-        served.rig.tick.controller.mend(Event.TOUCH, "a touch", served.rig.time_s)
+        served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
         assert machine.moving
     served.tick()
     assert (machine.mode, machine.armed) == (Mode.ADMITTANCE, True)

@@ -92,10 +92,10 @@ def test_an_arm_whose_answers_are_late_too_often_holds_and_is_not_armed(every: i
         assert any(arm.step(0.0).fresh)
         often = every == 2
         assert (rig.mode is Mode.HOLDING) is often
-        assert (rig.tick.controller.machine.cause.startswith(Condition.DEAF)) is often
+        assert (rig.tick.controller.machine.cause.startswith(Condition.NOT_SENSING)) is often
         if not often:
             return
-        assert any(Condition.DEAF in reason for reason in rig.permit())
+        assert any(Condition.NOT_SENSING in reason for reason in rig.permit())
         for _ in range(250):
             arm.step(0.0)
         assert not rig.permit()
@@ -112,4 +112,4 @@ def test_a_stop_is_seen_in_late_answers(folder: Path) -> None:
             found |= {finding.condition for finding in rig.last.findings}
         assert rig.mode is Mode.OFF
         assert not rig.last.unproved
-    assert found <= {Condition.SAMPLE_MISSING, Condition.DEAF}
+    assert found <= {Condition.SAMPLE_MISSING, Condition.NOT_SENSING}

@@ -137,7 +137,7 @@ def news(*story: tuple[str, int]) -> list[tuple[int, Notice]]:
             reported.tell(sensing)
             deaf = 0 if sensing == ALL else deaf + 1
             names = ", ".join(n for n, s in zip(NAMES, sensing, strict=True) if s == "x")
-            findings = (Finding(Condition.LATE), Finding(Condition.DEAF, names))
+            findings = (Finding(Condition.LATE), Finding(Condition.NOT_SENSING, names))
             these = findings if deaf >= 3 else findings[:1]
             notices = made.step(T * reported.tick, reported.sensing, these)
             found += [(reported.tick, notice) for notice in notices]

@@ -118,7 +118,7 @@ def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
 
 
 def test_what_leads_into_it_all_the_same_stops(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daemon.tick.controller.leads_through", lambda *_: None)
+    monkeypatch.setattr("daemon.tick.controller.path_collision", lambda *_: None)
     assert not rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
     nearest, slowed = 1.0, False
     for _ in range(400):

@@ -131,7 +131,7 @@ def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_drives):
     drives.end()
     bench.lockstep.pump()
     with bench.lockstep.serving():
-        bench.boot(setups).let_go()
+        bench.boot(setups).disable_monitoring()
     bench.simulated.advance(bench.simulated.now + 1.0)
     assert {drive.state.name for drive in bench.simulated.drives} == {"QUICK_STOP_ACTIVE"}
     while (message := bench.bus.recv(0)) is not None:

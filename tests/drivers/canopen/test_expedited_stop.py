@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers.api import DriveCondition, PowerTarget
 from drivers.canopen.codec import link_side
 from drivers.canopen.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
-from drivers.stopping.stop_watch import Seen
+from drivers.stopping.stop_watch import StopReading
 from drivers.wiring import Harmonic
 from tests.examples import scaled
 
@@ -43,13 +43,13 @@ def stop(joint_drives) -> ExpeditedStop:
 def test_it_commands_and_then_asks_for_statusword_and_velocity(stop, joint_drives) -> None:
     assert stop.request(STOP) == (0x603, TELL_STOP)
     assert not stop.confirmed
-    stop.hear(COMMANDED)
+    stop.on_sdo(COMMANDED)
     assert stop.confirmed
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
-    stop.hear(statusword(0x0207))
+    stop.on_sdo(statusword(0x0207))
     assert stop.take() is None
     assert stop.request(STOP) == (0x603, ASK_VELOCITY)
-    stop.hear(velocity(-500))
+    stop.on_sdo(velocity(-500))
     gain, bias = link_side(joint_drives[2], "motor_velocity")
     seen = stop.take()
     assert seen is not None
@@ -73,7 +73,7 @@ def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -
     seen, asked = [], []
     for _ in range(9):
         asked.append(int.from_bytes(stop.request(STOP)[1][1:3], "little"))
-        stop.hear(answers[asked[-1]])
+        stop.on_sdo(answers[asked[-1]])
         seen += [reading] if (reading := stop.take()) else []
     ask = [0x6041, 0x606C]
     assert asked == [0x6040, *ask, 0x60E4, *ask, 0x6064, *ask]
@@ -87,36 +87,36 @@ def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -
     assert seen[-1].asked
     stop.begin()
     for _ in range(3):
-        stop.hear(answers[int.from_bytes(stop.request(STOP)[1][1:3], "little")])
+        stop.on_sdo(answers[int.from_bytes(stop.request(STOP)[1][1:3], "little")])
     assert math.isnan(stop.take().position), "nothing of before"
 
 
 def test_a_drive_that_runs_on_is_commanded_again(stop) -> None:
     for answer in (COMMANDED, statusword(0x0227), velocity(300)):
         stop.request(STOP)
-        stop.hear(answer)
+        stop.on_sdo(answer)
     assert stop.take().condition is DriveCondition.OPERATING
     assert stop.request(OFF) == (0x603, TELL_OFF)
 
 
 def test_nothing_is_asked_while_an_answer_is_awaited_and_a_late_one_still_counts(stop) -> None:
     stop.request(STOP)
-    stop.hear(COMMANDED)
+    stop.on_sdo(COMMANDED)
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
     assert [stop.request(STOP) for _ in range(ANSWER_TICKS - 1)] == [None] * (ANSWER_TICKS - 1)
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD), "asked again"
-    stop.hear(statusword(0x0207))
+    stop.on_sdo(statusword(0x0207))
     assert stop.request(STOP) == (0x603, ASK_VELOCITY)
 
 
 def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
     stop.request(STOP)
-    stop.hear(struct.pack("<BHBI", 0x80, 0x6040, 0, 0x08000022))
+    stop.on_sdo(struct.pack("<BHBI", 0x80, 0x6040, 0, 0x08000022))
     assert not stop.confirmed
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
-    stop.hear(statusword(0x0240))
+    stop.on_sdo(statusword(0x0240))
     stop.request(STOP)
-    stop.hear(struct.pack("<BHBI", 0x80, 0x606C, 0, 0x06020000))
+    stop.on_sdo(struct.pack("<BHBI", 0x80, 0x606C, 0, 0x06020000))
     assert stop.take() is None, "of its velocity nothing is known"
     assert stop.request(STOP) == (0x603, TELL_STOP)
 
@@ -132,7 +132,7 @@ def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
 def test_what_is_no_statusword_proves_nothing(stop, answer: bytes) -> None:
     for commanded in (COMMANDED, answer):
         stop.request(STOP)
-        stop.hear(commanded)
+        stop.on_sdo(commanded)
     assert stop.take() is None
     assert stop.request(STOP) == (0x603, TELL_STOP), "commanded anew"
 
@@ -148,12 +148,12 @@ def test_what_is_no_statusword_proves_nothing(stop, answer: bytes) -> None:
     ],
 )
 def test_answers_to_others_change_nothing(stop, stray: bytes) -> None:
-    stop.hear(COMMANDED)
+    stop.on_sdo(COMMANDED)
     assert not stop.confirmed, "not asked for"
     stop.request(STOP)
-    stop.hear(stray)
+    stop.on_sdo(stray)
     assert not stop.confirmed
-    stop.hear(COMMANDED)
+    stop.on_sdo(COMMANDED)
     assert stop.confirmed
     stop.begin()
     assert not stop.confirmed
@@ -165,9 +165,9 @@ def test_no_frame_makes_an_exception(joint_drives, frames: list[bytes]) -> None:
     stop = ExpeditedStop(joint_drives[0])
     for frame in frames:
         stop.request(STOP)
-        stop.hear(frame)
+        stop.on_sdo(frame)
         seen = stop.take()
-        assert seen is None or isinstance(seen, Seen)
+        assert seen is None or isinstance(seen, StopReading)
 
 
 def test_for_when_no_one_reads_the_answers(joint_drives) -> None:

@@ -26,17 +26,17 @@ def test_silence_is_reported_once(watch):
     assert watch.check(10.3) is None
 
 
-def test_silence_while_no_one_listened_is_excused(watch):
-    watch.excuse(20.0)
+def test_silence_while_no_one_listened_is_no_loss(watch):
+    watch.restart(20.0)
     assert watch.check(20.25) is None
     assert watch.check(20.251) == Fact(Kind.SILENT, (3,))
-    watch.excuse(30.0)
+    watch.restart(30.0)
     assert watch.lost, "what was lost before must be heard first"
 
 
 def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     watch.check(11.0)
-    assert watch.hear(OPERATIONAL, 12.0) is None
+    assert watch.on_heartbeat(OPERATIONAL, 12.0) is None
     assert watch.check(12.25) is None
     assert watch.check(12.3) == Fact(Kind.SILENT, (3,))
 
@@ -61,7 +61,7 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     ],
 )
 def test_states(watch, heard, reported, forgot):
-    events = [watch.hear(state, 10.0 + 0.05 * k) for k, state in enumerate(heard)]
+    events = [watch.on_heartbeat(state, 10.0 + 0.05 * k) for k, state in enumerate(heard)]
     assert [event for event in events if event] == reported
     assert watch.forgot is forgot
     assert watch.operational is (heard[-1:] in ([OPERATIONAL], [OPERATIONAL | 0x80]))

@@ -8,7 +8,7 @@ from common.errors import ConfigurationError
 from drivers.can.load import bus_load, frame_bits, refuse_overload
 from drivers.canopen.make import frames
 from drivers.drive import Drive
-from drivers.stopping.travel import least_patience_s, worst_travel
+from drivers.stopping.travel import least_master_timeout_s, worst_travel
 
 
 def stuffed(bits: str) -> int:
@@ -56,10 +56,10 @@ def test_what_does_not_fit_is_refused(joint_drives):
 )
 def test_the_travel_of_a_joint(joint_drives: list[Drive], velocity: float, braking: float) -> None:
     drives = [replace(drive, velocity=velocity, quick_stop=10.0) for drive in joint_drives]
-    travel = worst_travel(drives, 0.01, noticing_s=0.03)[0]
-    assert travel.noticing == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
+    travel = worst_travel(drives, 0.01, detection_s=0.03)[0]
+    assert travel.detection == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
     assert travel.stages == pytest.approx(0.09 * velocity)  # three ticks each
-    assert travel.patience == 0.1 * velocity  # 100 ms
+    assert travel.master_timeout == 0.1 * velocity  # 100 ms
     assert travel.braking == braking
     assert travel.total == pytest.approx(0.22 * velocity + braking)
-    assert least_patience_s(drives) == 0.1
+    assert least_master_timeout_s(drives) == 0.1

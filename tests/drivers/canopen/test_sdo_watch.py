@@ -24,7 +24,7 @@ class Bus:
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / PERIOD_S)):
             for node in self._answering:
-                self.watch.hear(node, answer())
+                self.watch.on_sdo(node, answer())
             frames = self.watch.ask(self.now)
             assert len(frames) <= 1
             self.asked += [(round(self.now, 2), can_id - 0x600) for can_id, _ in frames]
@@ -75,8 +75,8 @@ def test_what_is_an_answer(bus, data, counts) -> None:
     bus.deaf = {1}
     bus.run(2 * TIMEOUT_S + 0.03)
     assert bus.watch.silent == [0]
-    bus.watch.hear(1, data)
-    bus.watch.hear(99, data)
+    bus.watch.on_sdo(1, data)
+    bus.watch.on_sdo(99, data)
     assert bus.watch.silent == ([] if counts else [0])
 
 

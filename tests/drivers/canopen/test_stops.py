@@ -296,7 +296,7 @@ def test_a_person_who_pushes_a_joint_beyond_its_travel_takes_no_power(
     """A spring of 60 Nm/rad, 0.9 rad out and back: the drive gives all it can, and springs back."""
     with lockstep_rig(ROMEO) as rig:
         rig.enable()
-        rig.tick.controller.mend(Event.FAULT, "the test", rig.time_s)
+        rig.tick.controller.apply_event(Event.FAULT, "the test", rig.time_s)
         rig.run(1.0)
         assert rig.last.unproved == ()
         begin_s, begin, most = rig.time_s, rig.arm.plant.q[0], 0.0

@@ -151,7 +151,7 @@ def test_a_daemon_that_ends_leaves_joints_that_hold_by_themselves(arm: Broken) -
     rig.enable()
     rig.run(1.0)
     with rig.lockstep.serving():
-        rig.drives.let_go()
+        rig.drives.disable_monitoring()
     before = rig.arm.plant.q.copy()
     rig.arm.advance(rig.arm.now + 3.0)
     assert all(motor.status == Status.ENABLED for motor in rig.arm.motors)

@@ -18,7 +18,7 @@ from daemon.service.poses import Poses
 from drivers.api import PowerTarget
 from drivers.damiao.frames import Status
 from drivers.motors.arm import MotorArm
-from drivers.motors.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
+from drivers.motors.guardian import BEAT, GONE_S, HOT_C, LOWERS, Activity
 
 T = 0.01
 #: Where gravity pulls at every large joint.
@@ -61,7 +61,7 @@ def test_a_daemon_that_dies_leaves_an_arm_that_holds(rig: Rig) -> None:
     furthest = without_the_daemon(rig, 5.0)
     assert all(enabled(rig))
     assert furthest.max() < 0.01
-    assert guardian(rig).guardian.doing is Doing.HOLDS
+    assert guardian(rig).guardian.activity is Activity.HOLDS
 
 
 def test_without_a_guardian_the_arm_falls(rig: Rig) -> None:
@@ -89,7 +89,7 @@ def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(rig: Rig
     assert rig.mode is Mode.FAULTED
     assert str(rig.tick.controller.machine.cause).startswith(Condition.ABSENT)
     assert (furthest + np.abs(rig.arm.plant.q - begun)).max() < 0.02
-    assert guardian(rig).guardian.doing is Doing.WATCHES
+    assert guardian(rig).guardian.activity is Activity.WATCHES
     assert all(enabled(rig))
 
 
@@ -129,7 +129,7 @@ def test_one_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
     assert not held.unloaded
     held.lowers = True
     without_the_daemon(rig, 0.1)
-    assert held.doing is Doing.LOWERS
+    assert held.activity is Activity.LOWERS
     assert not held.unloaded
     without_the_daemon(rig, 25.0)
     assert held.unloaded
@@ -192,7 +192,7 @@ def test_a_daemon_that_starts_anew_takes_an_arm_over_that_the_guardian_holds(rig
     drives = restarted(rig)
     assert all(enabled(rig))
     assert first_ticks(rig, drives, 1.0) < 0.02
-    assert guardian(rig).guardian.doing is Doing.WATCHES
+    assert guardian(rig).guardian.activity is Activity.WATCHES
     assert all(enabled(rig))
 
 
@@ -203,9 +203,9 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
     if left:
         with rig.lockstep.serving():
-            rig.drives.let_go()
+            rig.drives.disable_monitoring()
     without_the_daemon(rig, 0.9)
-    assert guardian(rig).guardian.doing is Doing.HOLDS
+    assert guardian(rig).guardian.activity is Activity.HOLDS
     furthest = without_the_daemon(rig, 3.0)
     assert (furthest.max() > 0.1) is not left
     assert all(enabled(rig))
@@ -213,7 +213,7 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
 
 def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig) -> None:
     with rig.lockstep.serving():
-        rig.drives.let_go()
+        rig.drives.disable_monitoring()
     guardian(rig).killed = True
     c = rig.robot.configuration
     drives = build_motors(

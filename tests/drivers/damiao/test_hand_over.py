@@ -15,7 +15,7 @@ from daemon.drives import build_motors
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame
 from drivers.damiao.frames import Status
-from drivers.motors.guardian import BEAT, Doing
+from drivers.motors.guardian import BEAT, Activity
 from simulator.damiao.registers import TIMEOUT
 
 T = 0.01
@@ -57,11 +57,11 @@ def test_a_slow_start_without_a_guardian_lets_no_arm_go(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("heard", "error"),
     [
-        ([(0x001, bytes(8)), (BEAT, bytes([Doing.HOLDS]))], SilentDriveError),
-        ([(BEAT, bytes([Doing.LOWERS])), (0x001, bytes(8))], SilentDriveError),
-        ([(0x001, bytes(8)), (BEAT, bytes([Doing.WATCHES]))], BusError),
+        ([(0x001, bytes(8)), (BEAT, bytes([Activity.HOLDS]))], SilentDriveError),
+        ([(BEAT, bytes([Activity.LOWERS])), (0x001, bytes(8))], SilentDriveError),
+        ([(0x001, bytes(8)), (BEAT, bytes([Activity.WATCHES]))], BusError),
         ([(0x001, bytes(8))], BusError),
-        ([(BEAT, bytes([Doing.WATCHES])), (0x7FF, bytes(8))], BusError),
+        ([(BEAT, bytes([Activity.WATCHES])), (0x7FF, bytes(8))], BusError),
     ],
 )
 def test_setpoints_of_a_guardian_that_holds_are_no_other_masters(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from drivers.can.wire import Frame
-from drivers.motors.queries import Queries, heard
+from drivers.motors.queries import Queries, received_frames
 
 TIMEOUT_S = 0.05
 ANSWER = (0x11, b"answer")
@@ -45,7 +45,7 @@ def test_what_came_meanwhile_is_an_answer(held_up_s: float, others: int) -> None
     answer = asking.ask((1, b""), lambda can_id, _: can_id == ANSWER[0] or None, TIMEOUT_S)
     assert answer is True
     wire.send([])
-    assert list(heard(wire, TIMEOUT_S, clock=held_up))[-1] == ANSWER
+    assert list(received_frames(wire, TIMEOUT_S, clock=held_up))[-1] == ANSWER
 
 
 def test_silence_ends_after_three_times_the_patience() -> None:

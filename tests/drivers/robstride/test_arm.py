@@ -13,7 +13,7 @@ from common.errors import DriveError, SilentDriveError
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Wire
-from drivers.motors.guardian import Doing
+from drivers.motors.guardian import Activity
 from drivers.robstride.frames import Kind, Parameter, identifier, kind_of, setpoint_id
 from simulator.robstride import motor as m
 from tests.drivers.damiao.test_arm import Broken, Filter, cause, stands
@@ -294,7 +294,7 @@ def test_a_daemon_that_dies_leaves_an_arm_that_holds(loaded: Broken) -> None:
     assert without_the_daemon(rig, 5.0) < 0.01
     assert all(running(rig))
     assert isinstance(rig.guard, GuardianAtBus)
-    assert rig.guard.guardian.doing is Doing.HOLDS
+    assert rig.guard.guardian.activity is Activity.HOLDS
 
 
 def test_without_a_guardian_the_arm_falls(loaded: Broken) -> None:
@@ -325,7 +325,7 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
     if left:
         with rig.lockstep.serving():
-            rig.drives.let_go()
+            rig.drives.disable_monitoring()
         assert {motor.parameters[Parameter.TIMEOUT] for motor in rig.arm.motors} == {0}
     without_the_daemon(rig, 0.9)
     assert (without_the_daemon(rig, 4.0) > 0.1) is not left
@@ -350,7 +350,7 @@ def test_a_lost_frame_leaves_no_motor_that_lets_go_after_the_end(arm: Broken) ->
         motor.parameters = Lossy(motor.parameters)
     rig.enable()
     with rig.lockstep.serving():
-        rig.drives.let_go()
+        rig.drives.disable_monitoring()
     assert [motor.parameters[m.TIMEOUT] for motor in rig.arm.motors] == [0] * len(rig.arm.motors)
 
 
@@ -377,9 +377,9 @@ def test_a_time_out_that_stays_is_named_where_the_model_says_it(
     with rig.lockstep.serving():
         if model == "says it":
             with pytest.raises(DriveError, match=r"joint3.*0x7028"):
-                rig.drives.let_go()
+                rig.drives.disable_monitoring()
         else:
-            rig.drives.let_go()
+            rig.drives.disable_monitoring()
     assert [motor.parameters[m.TIMEOUT] == 0 for motor in rig.arm.motors] == [
         i != 2 for i in range(6)
     ]

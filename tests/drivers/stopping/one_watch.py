@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from hypothesis import strategies as st
 
 from drivers.api import DriveCondition
-from drivers.stopping.stop_watch import Seen, Stage, StopBounds, StopWatch
+from drivers.stopping.stop_watch import Stage, StopBounds, StopReading, StopWatch
 
 T = 0.01
 ON, STOPS = DriveCondition.OPERATING, DriveCondition.STOPPED
 LIMP = DriveCondition.OFF
 BOUNDS = StopBounds(
-    deceleration=10.0, current=2.0, travel=0.24, play=0.0, patience_s=0.1, ticks=3, period_s=T
+    deceleration=10.0, current=2.0, travel=0.24, play=0.0, master_timeout_s=0.1, ticks=3, period_s=T
 )
-RUNS = Seen(ON, 1.0, 0.0, 0.0)
+RUNS = StopReading(ON, 1.0, 0.0, 0.0)
 
 
 def commanded(
@@ -31,10 +31,10 @@ def commanded(
     return watch
 
 
-def readings(states: Iterable[DriveCondition]) -> st.SearchStrategy[Seen | None]:
+def readings(states: Iterable[DriveCondition]) -> st.SearchStrategy[StopReading | None]:
     """Readings of drives in one of these states, or nothing fresh."""
     return st.none() | st.builds(
-        Seen,
+        StopReading,
         st.sampled_from(sorted(states, key=str)),
         st.floats(-3.0, 3.0) | st.just(math.nan),
         st.floats(-2.0, 2.0) | st.just(math.nan),
@@ -64,7 +64,7 @@ class Course:
         for k in range(1, self.ticks):
             velocity = self.velocity_at(k * T)
             position += velocity * T
-            seen = Seen(self.condition, velocity, self.current, position)
+            seen = StopReading(self.condition, velocity, self.current, position)
             if stage := self.watch.step(k * T, seen):
                 self.begun.append(stage)
             self.runs_on += [k] if self.watch.runs_on else []

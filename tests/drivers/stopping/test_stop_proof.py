@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.api import DriveCondition
-from drivers.stopping.stop_watch import OBEYING, Seen, Stage, StopWatch
+from drivers.stopping.stop_watch import OBEYING, Stage, StopReading, StopWatch
 from tests.drivers.stopping.one_watch import (
     BOUNDS,
     LIMP,
@@ -23,8 +23,8 @@ from tests.drivers.stopping.one_watch import (
 )
 from tests.examples import scaled
 
-STANDS = Seen(STOPS, 0.0, 0.0, 0.0)
-CREEPS_ON = Seen(ON, 0.1, 0.0, 0.0)
+STANDS = StopReading(STOPS, 0.0, 0.0, 0.0)
+CREEPS_ON = StopReading(ON, 0.1, 0.0, 0.0)
 
 
 def hardly_brakes(t: float) -> float:
@@ -37,7 +37,7 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> No
     watch = commanded()
     for k in (1, 2):
         assert watch.unproved
-        assert watch.step(k * T, Seen(state, 0.0, 0.0, 0.0)) is None
+        assert watch.step(k * T, StopReading(state, 0.0, 0.0, 0.0)) is None
     assert watch.proved
     assert not watch.unproved
 
@@ -45,21 +45,21 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> No
 @pytest.mark.parametrize(
     ("seen", "proved"),
     [
-        (Seen(STOPS, 0.0, 0.0, 0.0), True),
-        (Seen(STOPS, -0.019, 0.0, 0.0), True),
-        (Seen(STOPS, 0.02, 0.0, 0.0), True),  # a bias: its link has rested for long
-        (Seen(STOPS, 0.1, 0.0, 0.0), False),
-        (Seen(STOPS, 0.0), False),  # no second witness
-        (Seen(STOPS, math.nan, 0.0, 0.0), False),
-        (Seen(LIMP, 1.2, 0.0, 0.0), False),
-        (Seen(LIMP, math.nan, 0.0, 0.0), False),
-        (Seen(ON, 0.0, 0.0, 0.0), False),
-        (Seen(DriveCondition.UNKNOWN, 0.0, 0.0, 0.0), False),
-        (Seen(DriveCondition.FAILING, 0.0, 0.0, 0.0), True),
+        (StopReading(STOPS, 0.0, 0.0, 0.0), True),
+        (StopReading(STOPS, -0.019, 0.0, 0.0), True),
+        (StopReading(STOPS, 0.02, 0.0, 0.0), True),  # a bias: its link has rested for long
+        (StopReading(STOPS, 0.1, 0.0, 0.0), False),
+        (StopReading(STOPS, 0.0), False),  # no second witness
+        (StopReading(STOPS, math.nan, 0.0, 0.0), False),
+        (StopReading(LIMP, 1.2, 0.0, 0.0), False),
+        (StopReading(LIMP, math.nan, 0.0, 0.0), False),
+        (StopReading(ON, 0.0, 0.0, 0.0), False),
+        (StopReading(DriveCondition.UNKNOWN, 0.0, 0.0, 0.0), False),
+        (StopReading(DriveCondition.FAILING, 0.0, 0.0, 0.0), True),
         (None, False),
     ],
 )
-def test_what_proves_that_it_stands(seen: Seen | None, proved: bool) -> None:
+def test_what_proves_that_it_stands(seen: StopReading | None, proved: bool) -> None:
     watch = commanded()
     watch.step(T, seen)
     assert not watch.proved, "once is noise"
@@ -79,7 +79,7 @@ def test_two_readings_in_a_row_are_a_proof_and_one_in_operation_between_them_is_
 def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
     watch = commanded()
     for k in range(1, 300):
-        watch.step(k * T, Seen(STOPS, 0.03, 0.0, position=0.5 + 0.0001 * min(k, 30)))
+        watch.step(k * T, StopReading(STOPS, 0.03, 0.0, position=0.5 + 0.0001 * min(k, 30)))
         assert watch.proved is (k >= 1 + 20 + 1), "0.2 s, and once more"
         assert not watch.runs_on
 
@@ -88,7 +88,7 @@ def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
 def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
     watch = commanded(speed)
     for k in range(1, 200):
-        watch.step(k * T, Seen(STOPS, speed, 0.0, position=speed * k * T))
+        watch.step(k * T, StopReading(STOPS, speed, 0.0, position=speed * k * T))
         assert not watch.proved
 
 
@@ -138,7 +138,7 @@ def test_readings_from_before_it_was_in_operation_again_do_not_count(
 ) -> None:
     watch = commanded(1.0)
     for k in range(1, 50):
-        seen = RUNS if k == 20 else Seen(STOPS, velocity_at(k * T), 0.0, k * T)
+        seen = RUNS if k == 20 else StopReading(STOPS, velocity_at(k * T), 0.0, k * T)
         watch.step(k * T, seen)
         assert watch.runs_on is (k >= 20 + first + 20 - 1)
 
@@ -156,7 +156,7 @@ def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() ->
     watch = Course(lambda t: 1.0).watch
     assert watch.cut
     for k in range(100, 130):
-        assert watch.step(k * T, Seen(LIMP, 0.0, 0.0, 1.0 + 1e-6 * (k == 101))) is None
+        assert watch.step(k * T, StopReading(LIMP, 0.0, 0.0, 1.0 + 1e-6 * (k == 101))) is None
     assert watch.proved
     assert watch.cut, "until it may run"
     watch.allow()
@@ -194,7 +194,7 @@ def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> No
         watch.step(k * T, STANDS)
     assert watch.proved
     for k in range(200):
-        watch.step(2.0 + k * T, Seen(STOPS, 0.3, 0.1, 0.3 * k * T))
+        watch.step(2.0 + k * T, StopReading(STOPS, 0.3, 0.1, 0.3 * k * T))
     assert watch.runs_on
     assert watch.proved is False
 
@@ -217,7 +217,7 @@ def test_no_proof_outlives_a_motion_that_any_sensor_shows(
         velocity = velocity_at(k * T)
         position += velocity * T
         shown = (seen_at or velocity_at)(k * T)
-        watch.step(k * T, Seen(STOPS, shown, 0.0, position))
+        watch.step(k * T, StopReading(STOPS, shown, 0.0, position))
         held += watch.proved
     assert held <= 45, about
 
@@ -229,7 +229,7 @@ def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
         velocity = 0.6 * math.sin(6.0 * math.pi * k * T)
         position += velocity * T
         drives = 0.3 if k % 5 else -0.3  # it brakes at times
-        watch.step(k * T, Seen(STOPS, velocity, math.copysign(drives, velocity), position))
+        watch.step(k * T, StopReading(STOPS, velocity, math.copysign(drives, velocity), position))
     assert watch.cut
 
 
@@ -244,7 +244,7 @@ def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
         velocity = 0.6 * math.sin(phase)
         position += velocity * T
         watch.step(
-            k * T, Seen(STOPS, velocity, 2.0 * math.copysign(1.0, math.cos(phase)), position)
+            k * T, StopReading(STOPS, velocity, 2.0 * math.copysign(1.0, math.cos(phase)), position)
         )
     assert not watch.proved
 
@@ -257,7 +257,7 @@ def test_a_drive_that_slips_and_sticks_by_its_own_power_loses_it(
     for k in range(1, 2000):
         velocity = speed if (k * T) % every_s < slips_s else 0.0
         position += velocity * T
-        watch.step(k * T, Seen(STOPS, velocity, 0.4 if velocity else 0.1, position))
+        watch.step(k * T, StopReading(STOPS, velocity, 0.4 if velocity else 0.1, position))
         gone = position if not watch.cut else gone
     assert watch.cut
     assert gone < 0.24 + 0.1 * speed
@@ -276,7 +276,7 @@ def test_a_sudden_stop_is_one_only_if_a_sensor_changes_after_it(alive: bool, pro
     for k in range(1, 100):
         runs = k < 5
         position = 0.004 * min(k, 4) + (1e-6 if alive and k > 6 else 0.0)
-        watch.step(k * T, Seen(STOPS, 0.4 if runs else 0.0, 1e-3 * (k % 7), position))
+        watch.step(k * T, StopReading(STOPS, 0.4 if runs else 0.0, 1e-3 * (k % 7), position))
     assert watch.proved is proved
 
 
@@ -292,8 +292,10 @@ def test_what_was_proved_is_void_when_it_runs_again() -> None:
     assert watch.stage is Stage.SETPOINT
 
 
-@pytest.mark.parametrize(("last", "proved"), [(STANDS, False), (Seen(LIMP, 0.0, 0.0, 0.0), True)])
-def test_a_proof_under_power_is_as_old_as_its_last_reading(last: Seen, proved: bool) -> None:
+@pytest.mark.parametrize(
+    ("last", "proved"), [(STANDS, False), (StopReading(LIMP, 0.0, 0.0, 0.0), True)]
+)
+def test_a_proof_under_power_is_as_old_as_its_last_reading(last: StopReading, proved: bool) -> None:
     watch = commanded()
     for k in (1, 2, 3):
         watch.step(k * T, STANDS if k < 3 else last)
@@ -307,7 +309,7 @@ def test_a_motion_under_power_is_seen_before_the_proof_is_void() -> None:
     watch = commanded()
     for k in (1, 2):
         watch.step(k * T, STANDS)
-    watch.step(0.03, Seen(STOPS, 0.5, 0.1, 0.005))
+    watch.step(0.03, StopReading(STOPS, 0.5, 0.1, 0.005))
     assert watch.moves
     watch.step(0.04, STANDS)
     assert watch.proved
@@ -321,7 +323,7 @@ def test_what_was_proved_begins_with_nothing_against_it() -> None:
     for k in (3, 4):
         watch.step(k * T, STANDS)
     assert watch.proved
-    begun = {k: s for k in range(5, 12) if (s := watch.step(k * T, Seen(ON, 0.0, 0, 0)))}
+    begun = {k: s for k in range(5, 12) if (s := watch.step(k * T, StopReading(ON, 0.0, 0, 0)))}
     assert min(begun) == 5 + 2, "three ticks, the first of which says so"
 
 
@@ -334,7 +336,7 @@ def test_it_is_free_again_when_it_may_run() -> None:
 @settings(max_examples=scaled(200))
 @given(ticks=st.lists(st.tuples(readings(DriveCondition), st.floats(0.001, 3.0)), max_size=40))
 def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
-    ticks: list[tuple[Seen | None, float]],
+    ticks: list[tuple[StopReading | None, float]],
 ) -> None:
     watch, now = commanded(), 0.0
     for seen, dt in ticks:
@@ -358,5 +360,5 @@ def test_a_drive_that_pressed_on_a_wall_is_proved_once_its_link_was_moved_by_han
     watch.begin(50 * T, Stage.SETPOINT, 0.0)
     for k in range(51, 400):
         link = 0.2 if k < 300 else 0.203
-        watch.step(k * T, Seen(STOPS, 0.0, 0.5 + 1e-3 * (k % 7), link))
+        watch.step(k * T, StopReading(STOPS, 0.0, 0.5 + 1e-3 * (k % 7), link))
         assert watch.proved is (k >= 300 + 1), k

@@ -1,4 +1,4 @@
-"""Queries again until the answer is the one, or patience ends."""
+"""Queries again until the answer is the one, or the timeout."""
 
 from types import SimpleNamespace
 from typing import cast
@@ -15,23 +15,23 @@ LONG_S = 60.0
 
 
 @pytest.mark.parametrize(
-    ("answers", "patience_s", "found"),
+    ("answers", "timeout_s", "found"),
     [
         ([1, 2, 3], LONG_S, 3),  # the first that is so
         ([3, 4], LONG_S, 3),
-        ([1, 3], 0.0, 1),  # without patience it is asked once
+        ([1, 3], 0.0, 1),  # without a timeout it is asked once
     ],
 )
-def test_it_asks_until_it_is_so(answers, patience_s, found):
+def test_it_asks_until_it_is_so(answers, timeout_s, found):
     left = iter(answers)
-    assert asked_until(lambda: next(left), lambda answer: answer >= 3, patience_s) == found
+    assert asked_until(lambda: next(left), lambda answer: answer >= 3, timeout_s) == found
 
 
 @pytest.mark.parametrize(
     ("replies", "found"),
     [
         ([NOT_SEEN, NOT_SEEN, DONE], DONE),
-        ([NOT_SEEN, REFUSED, DONE], REFUSED),  # no patience helps against another reason
+        ([NOT_SEEN, REFUSED, DONE], REFUSED),  # no timeout helps against another reason
         ([DONE, REFUSED], DONE),
     ],
 )

@@ -14,12 +14,12 @@ def answers(ask: str, ahead: bytes, answer: bytes) -> str:
     `answer` after it."""
     terminal, standard_input = pty.openpty()
     os.write(terminal, ahead)
-    program = f"from programs.command_line.questions import choice, sure; print({ask})"
+    program = f"from programs.command_line.questions import choice, confirmed; print({ask})"
     with subprocess.Popen(
         [sys.executable, "-c", program], stdin=standard_input, stdout=subprocess.PIPE
     ) as asking:
         assert asking.stdout is not None
-        said = until(asking.stdout, b"]:" if "sure" in ask else b"):")
+        said = until(asking.stdout, b"]:" if "confirmed" in ask else b"):")
         os.write(terminal, answer)
         said += asking.stdout.read()
     os.close(terminal)
@@ -37,7 +37,7 @@ def until(stream: IO[bytes], end: bytes) -> bytes:
 
 @pytest.mark.parametrize(("answer", "may"), [(b"n\n", "False"), (b"\n", "False"), (b"y\n", "True")])
 def test_a_yes_that_was_typed_before_the_question_is_none(answer: bytes, may: str) -> None:
-    assert answers("sure('Move the arm?')", b"y\ny\n", answer) == may
+    assert answers("confirmed('Move the arm?')", b"y\ny\n", answer) == may
 
 
 def test_a_sign_that_was_typed_before_the_link_was_pushed_is_none() -> None:

@@ -25,7 +25,7 @@ from programs.contactctl import contactctl
 from programs.contactctl import follow as command
 
 ROOT = Path(__file__).resolve().parents[3]
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 class Clock:
@@ -97,7 +97,7 @@ def test_each_phase_is_shown_once_and_enter_rejoins(
     entered = itertools.chain([False, True, True], itertools.repeat(False))
     monkeypatch.setattr(command, "_entered", lambda: next(entered))
     stream = FakeStream()
-    command._send(iter([command.Sent([float(k)], None, float(k)) for k in range(6)]), stream)  # type: ignore[arg-type]
+    command._send(iter([command.SentTarget([float(k)], None, float(k)) for k in range(6)]), stream)  # type: ignore[arg-type]
     assert stream.rejoined == [[1.0], [2.0]]
     shown = capsys.readouterr()
     assert [line.partition(":")[0] for line in shown.out.splitlines()] == [
@@ -135,16 +135,16 @@ def arm() -> Iterator[Pair]:
     with pair(DESK_ARM) as both:
         client, _, _ = both.subscribed()
         client.close()
-        with Client(both.door, PATIENCE_S) as asking:
+        with Client(both.door, TIMEOUT_S) as asking:
             assert asking.request("enable").ok
-            deadline = time.monotonic() + PATIENCE_S
+            deadline = time.monotonic() + TIMEOUT_S
             while asking.ask_status().mode != "holding" and time.monotonic() < deadline:
                 time.sleep(0.1)
         yield both
 
 
 def place(arm: Pair) -> list[float]:
-    with Client(arm.door, PATIENCE_S) as client:
+    with Client(arm.door, TIMEOUT_S) as client:
         return client.ask_status().link_position
 
 
@@ -161,8 +161,8 @@ def test_the_arm_follows_a_file(arm: Pair, tmp_path: Path) -> None:
 
 def test_the_arm_follows_the_keyboard(arm: Pair) -> None:
     """Held down, the right arrow moves the first joint until q ends it."""
-    with Client(arm.door, PATIENCE_S) as client:
-        deadline = time.monotonic() + PATIENCE_S
+    with Client(arm.door, TIMEOUT_S) as client:
+        deadline = time.monotonic() + TIMEOUT_S
         while client.ask_status().mode != "holding" and time.monotonic() < deadline:
             time.sleep(0.1)
     begun = place(arm)[0]
@@ -176,14 +176,14 @@ def test_the_arm_follows_the_keyboard(arm: Pair) -> None:
         os.close(its_end)
         try:
             seen = shown(terminal)
-            deadline = time.monotonic() + PATIENCE_S
+            deadline = time.monotonic() + TIMEOUT_S
             while "following" not in seen and time.monotonic() < deadline:
                 seen += shown(terminal)
             for _ in range(40):
                 os.write(terminal, b"\x1bOC")
                 shown(terminal)
             os.write(terminal, b"q")
-            assert leader.wait(PATIENCE_S) == 0, seen
+            assert leader.wait(TIMEOUT_S) == 0, seen
         finally:
             leader.kill()
             os.close(terminal)

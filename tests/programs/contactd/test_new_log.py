@@ -15,7 +15,7 @@ from daemon.config.load import load_robot
 from daemon.drives import build_setups
 from estimator.urdf import JointRange
 from programs.contactd.contactd import main
-from programs.contactd.drafts.log_arm import loosened
+from programs.contactd.drafts.log_arm import with_movable_joints
 from programs.contactd.drafts.log_columns import guessed, named_columns
 from programs.identify.csv_log import read_csv
 from programs.identify.guesses import guessed_constants
@@ -255,12 +255,12 @@ def test_joints_that_are_not_in_the_log_are_fixed() -> None:
       <joint name="x" type="continuous"><parent link="b"/><child link="c"/></joint>
       <joint name="y" type="prismatic"><parent link="c"/><child link="d"/>
         <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
-    text, changes = loosened(urdf, ["x"])
+    text, changes = with_movable_joints(urdf, ["x"])
     assert [change.split(":")[0] for change in changes] == ["x", "y"]
     assert 'type="fixed"' in text
     assert 'type="revolute"' in text
     assert text.count("<limit") == 1
-    assert loosened(text, ["x"]) == (text, [])
+    assert with_movable_joints(text, ["x"]) == (text, [])
 
 
 def test_logs_and_drives_do_not_go_together(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from daemon.modes.table import Event
 from daemon.protocol.state import STATE_FORMAT, Notice, Snapshot
 from programs.demo.demo import HAND as DEMO_HAND
 from programs.demo.demo import verdict
-from programs.demo.demo_story import Story, Touch, touch_of
+from programs.demo.demo_story import RunFigures, Touch, touch_of
 from programs.simulate.simulated_robot import true_arm
 from simulator.hand_script import Guide, Push, Release, read_script
 
@@ -61,7 +61,7 @@ def story_of(states, touch, folder=ROMEO):
         urdf="",
         program="",
     )
-    return Story(configuration, snapshot, states, touch)
+    return RunFigures(configuration, snapshot, states, touch)
 
 
 def test_the_story_that_happened_passes(played):

@@ -15,7 +15,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.study.masses import Subjects, carrying, true_bodies
 from common.errors import ConfigurationError
 from daemon.config.evidence import outdated, parameters_missing
-from daemon.config.identified import residuals_alike, write_identified
+from daemon.config.identified import same_residuals, write_identified
 from daemon.config.load import Robot, load_robot, parse_configuration
 from daemon.config.worst_loads import worst_loads
 from daemon.service.payloads import Payloads
@@ -100,7 +100,7 @@ def test_masses_of_a_csv_become_the_model_of_every_part(folder, subjects, motion
     # A replay of what this daemon records has the same model.
     again = parse_configuration(robot.text, "recorded", robot.identified_text)
     assert again == c
-    assert not residuals_alike(c, before.configuration)
+    assert not same_residuals(c, before.configuration)
 
 
 def test_new_masses_void_friction_and_thresholds_that_were_identified(folder, motion) -> None:

@@ -14,7 +14,7 @@ from programs.identify.contact_warnings import (
     discarded,
     level_below_friction,
     other_joint_touched,
-    wiring_spoiled,
+    wiring_touched,
 )
 from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, wired_joint
@@ -34,7 +34,7 @@ def contact(joint: str) -> Notice:
     ("warning", "says"),
     [
         (discarded, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
-        (wiring_spoiled("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
+        (wiring_touched("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
                                     "check the wiring of wrist again"),
         (other_joint_touched("wrist"), "contact at elbow, -0.35 Nm: move wrist alone"),
         (other_joint_touched("elbow"), ""),
@@ -45,7 +45,7 @@ def test_a_contact_is_what_the_step_makes_of_it(warning: ContactWarning, says: s
 
 
 def test_a_joint_that_is_touched_again_is_named_once_in_a_motion_of_the_wiring() -> None:
-    warning = wiring_spoiled("wrist")
+    warning = wiring_touched("wrist")
     said = [bool(warning(contact(joint))) for joint in ("wrist", "wrist", "elbow", "wrist")]
     assert said == [True, False, True, False]
 

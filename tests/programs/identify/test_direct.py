@@ -11,7 +11,7 @@ from bench.rigs.arm_without_bus import Course, Push, Scenario, Subject, record
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.config.schema import Levels
-from identification.direct_friction import Point, points, to_and_fro
+from identification.direct_friction import Point, grouped_strokes, points
 from identification.motion_log import MotionLog
 from programs.contactd.contactd import main
 from programs.identify.direct_motion import direct_motion
@@ -59,7 +59,7 @@ def test_points_hold_the_truth_within_their_scatter(i, push) -> None:
     constant, off = C.joints[i].torque_constant, []
     scale = constant / true.torque_constant[i]
     touch = Push(24_500, 1_000, push * (np.arange(7) == i))
-    groups = to_and_fro(log_of(i, REAL, touch), i, constant, LATE_S)
+    groups = grouped_strokes(log_of(i, REAL, touch), i, constant, LATE_S)
     for p in (found := points(groups)):
         rise = 1.0 + (RISE - 1.0) * np.exp(-np.square(p.speed / FALLS))
         load = LOAD * max(abs(p.load) / scale, coulomb[0] * rise + viscous[0] * p.speed)
@@ -109,7 +109,7 @@ def test_a_current_that_is_missing_or_reversed_is_named(log, scale) -> None:
     assert [line.verdict for line in outcome.lines] == ["implausible"]
     assert "its sign right?" in outcome.lines[0].reason
     assert outcome.draw is None
-    found = points(to_and_fro(wrong.log, 3, 1.0, LATE_S))
+    found = points(grouped_strokes(wrong.log, 3, 1.0, LATE_S))
     assert all(point.scatter >= 0.0 for point in found)
 
 

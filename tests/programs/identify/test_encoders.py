@@ -7,9 +7,9 @@ import numpy as np
 import yaml
 
 from bench.rigs.lockstep import lockstep_rig
-from daemon.config.identified import samples_alike
+from daemon.config.digests import digests
+from daemon.config.identified import same_samples
 from daemon.config.load import load_robot
-from daemon.config.marks import marks
 from drivers.wiring import Harmonic
 from programs.simulate.simulated_robot import true_arm
 from tests.programs.identify import upright_arm
@@ -52,5 +52,5 @@ def test_a_correction_of_the_configuration_keeps_every_mark(tmp_path: Path) -> N
     wiring = msgspec.structs.replace(first.wiring, link_correction=SAID)
     joints = [msgspec.structs.replace(first, wiring=wiring), *others]
     changed = msgspec.structs.replace(robot.configuration, joints=joints)
-    assert marks(changed, robot.urdf) == marks(robot.configuration, robot.urdf)
-    assert not samples_alike(changed, robot.configuration)  # of recordings
+    assert digests(changed, robot.urdf) == digests(robot.configuration, robot.urdf)
+    assert not same_samples(changed, robot.configuration)  # of recordings

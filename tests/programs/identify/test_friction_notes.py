@@ -23,15 +23,15 @@ URDF = "as the URDF's masses may be wrong{}: run `contactd identify masses`, the
 
 def fit(
     joint: str,
-    unsure: float,
+    uncertainty: float,
     seconds: float,
     verdict: Verdict = Verdict.GOOD,
     masses_matter: bool = True,
 ) -> object:
     return SimpleNamespace(
         joint=joint, verdict=verdict, masses_matter=masses_matter,
-        unsure=unsure, seconds_for=lambda width: seconds,
-        unsure_after=lambda longer: {LONGEST_S: 0.8 * unsure}[longer],
+        uncertainty=uncertainty, seconds_for=lambda width: seconds,
+        uncertainty_after=lambda longer: {LONGEST_S: 0.8 * uncertainty}[longer],
     )  # fmt: skip
 
 

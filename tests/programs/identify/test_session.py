@@ -152,7 +152,7 @@ def test_a_hand_goes_on_with_the_borders_that_it_met_before(
             motor_position=[0.3],
         )
         for hand in hands:
-            hand.saw(state)
+            hand.add(state)
     assert hands[0].gap is not None
     assert hands[1].gap is not None
     assert hands[0].gap.crossings <= 12

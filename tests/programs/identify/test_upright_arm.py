@@ -13,9 +13,9 @@ from daemon.config.schema import Configuration
 from daemon.config.vectors import row
 from estimator.model import Model
 from identification.limit_cycle import ENDING_SHARE, limit_cycles
+from programs.identify.limit_cycle_watch import LimitCycleWatch
 from programs.identify.measured import Measured, from_states
 from programs.identify.steps.friction import friction_outcome
-from programs.identify.swinging import SwingWatch
 from programs.simulate.simulated_robot import true_arm
 from simulator.mismatch import load_model, true_parameters
 from tests.programs.identify import upright_arm
@@ -38,8 +38,8 @@ def held(folder: Path, gain: float) -> tuple[Measured, list[str]]:
         nudge(rig)
         states = rig.states(11.0)
         names = rig.robot.configuration.joint_names
-        watch = SwingWatch(names, gain, half_gaps(rig.robot))
-        said = [text for state in states if (text := watch.saw(state))]
+        watch = LimitCycleWatch(names, gain, half_gaps(rig.robot))
+        said = [text for state in states if (text := watch.add(state))]
         return from_states(states, names), said
 
 

@@ -22,7 +22,7 @@ from bench.rigs.lockstep import DESK_ARM, ROMEO
 from daemon.protocol.state import Snapshot, Wrench
 from programs.clients.client import Client
 from programs.contactd.contactd import main
-from programs.foxglove.foxglove_door import serve
+from programs.foxglove.server import serve
 from programs.identify.csv_log import read_csv
 from programs.recordings.foxglove import POINT
 from programs.recordings.skeleton import Quaternion, product, rotated, skeleton_of, towards

@@ -14,7 +14,7 @@ from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
 from programs.contactctl.point import point_now
-from programs.recordings.touch_point import MostLikely, TouchFinder, TouchPoint, touch_words
+from programs.recordings.touch_point import LinkDecision, TouchFinder, TouchPoint, touch_words
 from tests.fake_daemon import snapshot_at, state_at
 
 ROBOT = load_robot(ROMEO)
@@ -88,7 +88,7 @@ def test_a_link_is_decided_once_its_residuals_have_settled() -> None:
 def test_a_link_is_decided_by_how_long_or_how_often_it_is_the_most_likely(
     sure: list[tuple[int, float]], decided_after: int | None
 ) -> None:
-    likely = MostLikely()
+    likely = LinkDecision()
     said = [likely.decides(best, share, 0.03) for best, share in sure]
     assert (said.index(True) + 1 if True in said else None) == decided_after
 

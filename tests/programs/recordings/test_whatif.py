@@ -21,7 +21,7 @@ from programs.clients.log_reader import read_log
 from programs.clients.replay import SAME_ESTIMATOR
 from programs.contactd.contactd import main
 from programs.recordings.labels import Label
-from programs.recordings.many import Asked, answers, kept_answer
+from programs.recordings.many import LabelledRecording, answers, kept_answer
 from programs.recordings.question import Answer, Question
 from programs.recordings.settings import changed_configuration
 from programs.recordings.whatif import ask
@@ -322,23 +322,23 @@ def test_what_was_answered_before_is_not_asked_again(
     recording: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     question = Question(levels={JOINT: (1.0,)})
-    first = kept_answer(question, Asked(str(recording)))
+    first = kept_answer(question, LabelledRecording(str(recording)))
 
     def ask_again(*_: object) -> Answer:
         raise AssertionError("asked again")
 
     monkeypatch.setattr("programs.recordings.many.ask", ask_again)
-    assert kept_answer(question, Asked(str(recording))) == first
+    assert kept_answer(question, LabelledRecording(str(recording))) == first
     with pytest.raises(AssertionError, match="asked again"):
-        kept_answer(Question(levels={JOINT: (1.1,)}), Asked(str(recording)))
+        kept_answer(Question(levels={JOINT: (1.1,)}), LabelledRecording(str(recording)))
 
 
 def test_a_cache_that_was_damaged_is_made_anew(recording: Path, cache: Path) -> None:
     question = Question(levels={JOINT: (1.0,)})
-    first = kept_answer(question, Asked(str(recording)))
+    first = kept_answer(question, LabelledRecording(str(recording)))
     for kept in (cache / "contactd" / "answers").iterdir():
         kept.write_bytes(b"{")
-    assert kept_answer(question, Asked(str(recording))) == first
+    assert kept_answer(question, LabelledRecording(str(recording))) == first
 
 
 def cut_column(columns: Path) -> None:
@@ -413,7 +413,7 @@ def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
 
 
 def test_workers_give_the_same_answers(folder: Path, tmp_path: Path) -> None:
-    asked = [Asked(str(path)) for path in sorted(folder.rglob("*.mcap"))]
+    asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
     question = Question(changes=(("estimator.gain", "20"),))
     alone = reported(answers(question, asked))
     for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():
@@ -425,7 +425,7 @@ def test_workers_give_the_same_answers(folder: Path, tmp_path: Path) -> None:
 def test_a_dask_cluster_gives_the_same_answers(folder: Path, tmp_path: Path) -> None:
     """Two workers on this machine."""
     distributed = pytest.importorskip("distributed")
-    asked = [Asked(str(path)) for path in sorted(folder.rglob("*.mcap"))]
+    asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
     question = Question(levels={JOINT: (0.5, 1.0)})
     alone = reported(answers(question, asked))
     for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():

@@ -15,7 +15,7 @@ from typing import Any
 
 import aiohttp
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 KEYS = {"Tab": "\ue004", "Escape": "\ue00c"}  # of WebDriver
 
 
@@ -58,7 +58,7 @@ class Window:
 
     async def until(self, script: str) -> None:
         """Wait until an expression is true in the page. Raises TimeoutError."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while not await self.value(f"Boolean({script})"):
             if time.monotonic() > deadline:
                 raise TimeoutError(script)
@@ -80,7 +80,7 @@ class Window:
         message = {"id": self._number, "method": method, "params": params}
         await self._connection.send_json(message)
         while True:
-            said = json.loads((await self._connection.receive(PATIENCE_S)).data)
+            said = json.loads((await self._connection.receive(TIMEOUT_S)).data)
             if said.get("method") == "log.entryAdded" and said["params"]["level"] == "error":
                 self.errors.append(said["params"]["text"])
             if said.get("id") == self._number:

@@ -12,7 +12,7 @@ from pathlib import Path
 from contactd_client.paths import view_socket_path
 from programs.web import frames
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ def page_of(
         finally:
             process.terminate()
             try:
-                process.wait(PATIENCE_S)
+                process.wait(TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 process.kill()
 

@@ -8,7 +8,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[3]
 PICTURES = ROOT / "build/page"
 AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
-PATIENCE_MS = 60_000  # of what comes at once on a machine that has nothing else to do
+TIMEOUT_MS = 60_000  # of what comes at once on a machine that has nothing else to do
 DESKTOP, PHONE, WALL = (1440, 900), (360, 740), (3840, 2160)
 GONE = "ERR_"  # what a browser says of a server that is gone, when a test took it away
 
@@ -22,7 +22,7 @@ class Screen:
 
     def until(self, script: str) -> None:
         """Wait until an expression is true in the page."""
-        self.page.wait_for_function(f"() => {script}", timeout=PATIENCE_MS)
+        self.page.wait_for_function(f"() => {script}", timeout=TIMEOUT_MS)
 
     def shows(self, selector: str, text: str) -> None:
         """Wait until the visible text of an element contains `text`."""
@@ -37,7 +37,7 @@ class Screen:
         self._says(selector, f" === {json.dumps(text)}")
 
     def hides(self, selector: str) -> None:
-        self.page.wait_for_selector(selector, state="hidden", timeout=PATIENCE_MS)
+        self.page.wait_for_selector(selector, state="hidden", timeout=TIMEOUT_MS)
 
     def counts(self, selector: str, number: int) -> None:
         """Wait until there are as many elements."""

@@ -19,7 +19,7 @@ from programs.web.words import Elsewhere, Other, Outcome
 from programs.zenoh.fleet import Arm
 from tests.programs.web.page_server import page_of
 from tests.programs.web.screens import PHONE, Screens
-from tests.programs.web.visitor import PATIENCE_S, visiting
+from tests.programs.web.visitor import TIMEOUT_S, visiting
 from tests.programs.zenoh.bridge import Bridge, until
 from tests.programs.zenoh.zenoh_router import free_port, router_of
 
@@ -58,7 +58,7 @@ async def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: Fa
         live = await visitor.live()
 
         async def reported() -> Any:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(TIMEOUT_S):
                 while True:
                     message = await live.receive()
                     if isinstance(message.data, str) and '"elsewhere"' in message.data:

@@ -11,15 +11,15 @@ from programs.web.guard import (
     MOST_ADDRESSES,
     WRONG_TOKENS,
     WRONG_TOKENS_S,
-    Doorstep,
+    OriginRules,
     Places,
     TokenCheck,
     command_refusal,
     hosts_of,
 )
 
-DOORSTEP = Doorstep(frozenset({"localhost:8420", "127.0.0.1:8420", "[::1]:8420"}))
-TLS = Doorstep(frozenset({"arm.example"}), tls=True)
+DOORSTEP = OriginRules(frozenset({"localhost:8420", "127.0.0.1:8420", "[::1]:8420"}))
+TLS = OriginRules(frozenset({"arm.example"}), tls=True)
 OWN = {"Host": "localhost:8420", "Origin": "http://localhost:8420"}
 
 
@@ -28,9 +28,9 @@ def status(
     method: str = "GET",
     *,
     upgrades: bool = False,
-    doorstep: Doorstep = DOORSTEP,
+    origin_rules: OriginRules = DOORSTEP,
 ) -> int:
-    refusal = doorstep.refusal(method, headers, upgrades=upgrades)
+    refusal = origin_rules.refusal(method, headers, upgrades=upgrades)
     return refusal.status if refusal else 200
 
 
@@ -70,8 +70,8 @@ def test_hosts_and_origins(
 
 def test_behind_tls_the_origin_is_https() -> None:
     headers = {"Host": "arm.example", "Origin": "https://arm.example"}
-    assert status(headers, "POST", doorstep=TLS) == 200
-    assert status({**headers, "Origin": "http://arm.example"}, "POST", doorstep=TLS) == 403
+    assert status(headers, "POST", origin_rules=TLS) == 200
+    assert status({**headers, "Origin": "http://arm.example"}, "POST", origin_rules=TLS) == 403
 
 
 @given(st.text(max_size=40))

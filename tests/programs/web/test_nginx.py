@@ -21,7 +21,7 @@ EXAMPLE = ROOT / "systemd/examples/web-nginx.conf"
 NGINX = shutil.which("nginx") or shutil.which("nginx", path="/usr/sbin")
 NAME = "arm.example"
 TOKEN = "0123456789abcdef"
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 pytestmark = pytest.mark.skipif(
     NGINX is None or shutil.which("openssl") is None,
@@ -86,7 +86,7 @@ def port(fake_daemon: Any, tmp_path: Path) -> Iterator[int]:
 
 
 def wait_for(port: int, nginx: subprocess.Popen[bytes], log: Path) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         try:
             socket.create_connection(("127.0.0.1", port), 1.0).close()
@@ -106,7 +106,7 @@ def test_the_example_lets_in_whom_it_should(port: int, fake_daemon: Any) -> None
 
     def ask(method: str, path: str, headers: dict[str, str], body: str = "") -> tuple[int, str]:
         """Status, and the cookie that is set."""
-        connection = http.client.HTTPSConnection("127.0.0.1", port, timeout=PATIENCE_S, context=tls)
+        connection = http.client.HTTPSConnection("127.0.0.1", port, timeout=TIMEOUT_S, context=tls)
         with contextlib.closing(connection):
             connection.request(method, path, body or None, headers)
             answer = connection.getresponse()

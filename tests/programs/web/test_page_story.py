@@ -17,7 +17,7 @@ from daemon.protocol.state import State
 from programs.clients.client import Client
 from simulator.hand_script import Guide, Push, Release
 from tests.programs.web.page_server import page_of
-from tests.programs.web.screens import PATIENCE_MS, PHONE, Screens
+from tests.programs.web.screens import PHONE, TIMEOUT_MS, Screens
 
 # Those of the third experiment, when they are asked for.
 HAND = (
@@ -80,7 +80,7 @@ def test_the_story_is_seen_and_stopped_from_a_phone(screens: Screens, robot: Rob
     """A hand pushes: link lit, curve over its level, mode changes. Then STOP, on a phone."""
     with (
         page_of(robot.served.path) as shown,
-        Client(robot.served.path, PATIENCE_MS / 1e3) as person,
+        Client(robot.served.path, TIMEOUT_MS / 1e3) as person,
     ):
         screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
         phone = screens.open(f"{shown.url}?scene=off", PHONE)
@@ -133,7 +133,7 @@ def mode(word: str) -> str:
 def arm_it(person: Client) -> None:
     """Arm, as soon as all checks pass; the lease outlives the connection."""
     request = Arm(lease_s=600.0, detached=True, on_behalf_of="a test")
-    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    deadline = time.monotonic() + TIMEOUT_MS / 1e3
     while not (reply := person.ask(request)).ok:
         assert time.monotonic() < deadline, reply.refusal
         time.sleep(0.2)

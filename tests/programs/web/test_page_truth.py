@@ -18,7 +18,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.state import Permit
 from tests.programs.web.network import Network, network
 from tests.programs.web.page_server import Page, page_of
-from tests.programs.web.screens import AXE, PATIENCE_MS, PHONE, Screens
+from tests.programs.web.screens import AXE, PHONE, TIMEOUT_MS, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -120,7 +120,7 @@ def test_a_silent_daemon_that_is_asked_again_leaves_the_cards_as_they_were(
     arm.states = lambda tick: None
     before = [name for name, _ in arm.seen].count("subscribe")
     screen.old()
-    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    deadline = time.monotonic() + TIMEOUT_MS / 1e3
     while [name for name, _ in arm.seen].count("subscribe") < before + 2:
         assert time.monotonic() < deadline
         time.sleep(0.05)
@@ -223,7 +223,7 @@ def test_a_network_that_is_too_slow_is_said_and_stop_works(
 def gone(arm: FakeDaemon) -> Iterator[None]:
     """While the block lasts the daemon is dead, and its sockets with it; then it is another."""
     arm.stopped.set()
-    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    deadline = time.monotonic() + TIMEOUT_MS / 1e3
     while arm.path.exists():
         assert time.monotonic() < deadline
         time.sleep(0.01)

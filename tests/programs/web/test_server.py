@@ -23,7 +23,7 @@ from programs.clients.stopping import carry_out
 from programs.web import arm, frames
 from programs.web.guard import COMMAND_HEADER
 from programs.web.serve import listen
-from tests.programs.web.visitor import PATIENCE_S, Visitor, messages, visiting
+from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -140,7 +140,7 @@ def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
 def test_a_throng_outside_the_view_socket_only_delays_a_stop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("programs.clients.stopping.WITHIN_S", PATIENCE_S)
+    monkeypatch.setattr("programs.clients.stopping.WITHIN_S", TIMEOUT_S)
     path = tmp_path / "full-view.sock"
 
     async def visit(full: socket.socket) -> None:
@@ -156,7 +156,7 @@ def test_a_throng_outside_the_view_socket_only_delays_a_stop(
         reply = Reply(ok=True, message="stop", mode=Mode.HOLDING)
         heard: list[bytes] = []
         inside = []
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             while not heard:
                 with contextlib.suppress(BlockingIOError):
                     inside.append(full.accept()[0])
@@ -201,7 +201,7 @@ async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) 
     async with visiting(tmp_path / "absent-view.sock") as visitor:
         live = await visitor.live()
         kinds: list[str] = []
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             while kinds.count("summary") < 3:
                 kinds.append(json.loads((await live.receive()).data)["kind"])
 

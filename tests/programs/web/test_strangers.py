@@ -18,7 +18,7 @@ from programs.web import server
 from programs.web.guard import COOKIE
 from programs.web.serve import settings_of
 from tests.programs.web.page_server import ticks_in
-from tests.programs.web.visitor import PATIENCE_S, TOKEN, messages, token_file, visiting
+from tests.programs.web.visitor import TIMEOUT_S, TOKEN, messages, token_file, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -123,7 +123,7 @@ async def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: Fa
         await visitor.until(lambda: len(arm.audience) == 2)
         first = arm.states
         ticks: list[int] = []
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             while arm.states < first + 300:
                 message = await live.receive()
                 if message.type is aiohttp.WSMsgType.BINARY and not message.data[5]:
@@ -138,7 +138,7 @@ async def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> No
         for words in ("hello", "x" * 100_000, None):
             live = await visitor.live()
             await (live.ping() if words is None else live.send_str(words))
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(TIMEOUT_S):
                 while not (await live.receive()).type.name.startswith("CLOS"):
                     pass
             await visitor.until(lambda: not len(visitor.site.arms[0].audience))
@@ -152,7 +152,7 @@ async def test_an_address_has_so_many_connections_and_the_oldest_make_room(
         port = int(visitor.origin.rsplit(":", 1)[1])
         opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
         closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             assert [await end for end in closed[:2]] == [b"", b""]
         assert not any(end.done() for end in closed[2:])
         for _, writer in opened:
@@ -200,7 +200,7 @@ async def test_who_takes_too_long_to_ask_is_hung_up_on(
     monkeypatch.setattr("programs.web.connections.REQUEST_S", 0.3)
     async with visiting(door(fake_daemon)) as visitor:
         host = visitor.origin.removeprefix("http://")
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             live = None
             while live is None:  # on a busy machine it may take too long itself
                 with contextlib.suppress(aiohttp.ClientError):

@@ -15,7 +15,7 @@ from programs.web.serve import listen, serving, settings_of
 from programs.web.server import Site
 
 TOKEN = "0123456789abcdef0123"
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 class Visitor:
@@ -49,7 +49,7 @@ class Visitor:
             await live.close()
 
     async def until(self, what: Callable[[], object]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             while not what():
                 await asyncio.sleep(0.01)
 
@@ -84,7 +84,7 @@ async def messages(
     """The first text of each kind, and the first binary message that is live."""
     texts: dict[str, dict[str, Any]] = {}
     frame = b""
-    async with asyncio.timeout(PATIENCE_S):
+    async with asyncio.timeout(TIMEOUT_S):
         while not (frame and kinds <= set(texts)):
             message = await live.receive()
             if message.type is aiohttp.WSMsgType.TEXT:

@@ -15,7 +15,7 @@ from typing import Final
 import zenoh
 
 from programs.zenoh.arming import SET_BOOL
-from programs.zenoh.holding import LET_GO
+from programs.zenoh.holding import RELEASE_FIRST
 from programs.zenoh.messages import read_outcome
 from programs.zenoh.names import Distro, Node, attachment, gid_of
 from programs.zenoh.services import endpoint
@@ -52,7 +52,7 @@ class Caller:
             if answer is not None and answer[0] and not said:
                 said = True
                 print("armed", flush=True)
-            if answer is not None and answer[1].startswith(LET_GO):
+            if answer is not None and answer[1].startswith(RELEASE_FIRST):
                 self.call(False)
             time.sleep(EVERY_S)
 

@@ -10,7 +10,7 @@ from zenoh_ros2_sdk import discovery
 from zenoh_ros2_sdk.utils import compute_service_type_hash
 
 from programs.zenoh.arming import SET_BOOL
-from programs.zenoh.holding import KNOCK_S, ONCE
+from programs.zenoh.holding import FIRST_CALL_S, ONCE
 from programs.zenoh.names import attachment
 from programs.zenoh.services import TRIGGER, endpoint
 from programs.zenoh.type_hashes import TYPE_HASHES
@@ -51,7 +51,7 @@ def test_another_arms_renews_and_disarms(fake_daemon: Any, sdk: int, start: Any)
         """Calls on as a node does. Where the machine is busy, calls may come further apart than
         they were sent, or too late: then it lets go and begins again."""
         if call(True) == ONCE:
-            time.sleep(KNOCK_S + 0.05)
+            time.sleep(FIRST_CALL_S + 0.05)
             return False
         return call(True) == "renew done" or not call(False)
 

@@ -11,7 +11,7 @@ from daemon.protocol.replies import Reply
 from daemon.protocol.requests import Disarm, Request, bare
 from daemon.protocol.socket_path import Peer
 from programs.zenoh.arming import Arming
-from programs.zenoh.holding import HOLD_S, KNOCK_S, LET_GO, ONCE
+from programs.zenoh.holding import FIRST_CALL_S, HOLD_S, ONCE, RELEASE_FIRST
 from programs.zenoh.messages import read_outcome
 from programs.zenoh.names import Distro, Node
 from programs.zenoh.serve import Settings, offers
@@ -81,7 +81,7 @@ class Ros:
     def arm(self, gid: bytes = A) -> tuple[bool, str]:
         """The call that does not arm yet, and the one that does."""
         assert self.say(gid=gid) == (False, ONCE)
-        self.served.run(KNOCK_S + 0.01)
+        self.served.run(FIRST_CALL_S + 0.01)
         return self.say(gid=gid)
 
     @property
@@ -128,7 +128,7 @@ def test_no_other_renews_and_everybody_may_disarm(ros: Ros) -> None:
     assert ros.say(gid=B) == (False, "another client keeps it armed")
     assert ros.say(FALSE, gid=B)[0]
     assert not ros.armed
-    assert ros.say() == (False, LET_GO)
+    assert ros.say() == (False, RELEASE_FIRST)
 
 
 @pytest.mark.parametrize("command", ["disarm", "stop"])
@@ -136,10 +136,13 @@ def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any)
     ros.arm()
     ros.served.service.commands.handle(bare(command), Peer(2, 9, 101))
     ros.served.run(0.5)
-    assert ros.say() == (False, f"{LET_GO} (renew: refused; not armed any more: `arm` it anew)")
+    assert ros.say() == (
+        False,
+        f"{RELEASE_FIRST} (renew: refused; not armed any more: `arm` it anew)",
+    )
     for _ in range(20):
         ros.served.run(0.2)
-        assert ros.say() == (False, LET_GO)
+        assert ros.say() == (False, RELEASE_FIRST)
         assert not ros.armed
     ros.say(FALSE)
     assert ros.arm()[0]
@@ -159,7 +162,7 @@ def test_calls_that_were_held_up_prolong_nothing(ros: Ros) -> None:
 
 def test_a_crowd_of_calls_is_a_few_commands_and_each_is_answered(ros: Ros) -> None:
     ros.say()
-    ros.served.run(KNOCK_S + 0.01)
+    ros.served.run(FIRST_CALL_S + 0.01)
     now_s = ros.served.rig.time_s
     calls = [Call(TRUE, A, now_s) for _ in range(30)]
     calls += [Call(TRUE, bytes([i] * 16), now_s) for i in range(1, 30)]
@@ -174,7 +177,7 @@ def test_a_daemon_that_refuses_or_is_gone(ros: Ros) -> None:
     ros.lines[-1].reachable = False
     assert ros.say() == (False, "not reached: the daemon does not answer")
     assert ros.armed_for_s() == pytest.approx(0.0)  # it hung up
-    assert ros.say() == (False, LET_GO)
+    assert ros.say() == (False, RELEASE_FIRST)
     ros.say(FALSE)
     ros.served.service.commands.ending = True
     assert ros.arm() == (False, "arm: refused; the daemon is ending")

@@ -81,7 +81,9 @@ def test_what_an_arm_says_and_since_when_it_is_silent() -> None:
     fleet = Fleet()
     fleet.meet("left_arm", True, "abc")
     assert fleet.arms["left_arm"].silent_s(5.0) is None  # it has just come
-    fleet.hear([said(), said("contactd: left_arm: LElbowRoll"), said("battery: left_arm")], 10.0)
+    fleet.on_diagnostics(
+        [said(), said("contactd: left_arm: LElbowRoll"), said("battery: left_arm")], 10.0
+    )
     assert set(fleet.arms) == {"left_arm"}
     arm = fleet.arms["left_arm"]
     assert (arm.mode, arm.armed, arm.text) == ("holding", "true", "holding: start")
@@ -96,7 +98,7 @@ def test_an_arm_is_alive_as_long_as_one_node_of_its_name_is() -> None:
     fleet = Fleet()
     for zid in ("old", "new"):
         fleet.meet("left_arm", True, zid)
-    fleet.hear([said()], 1.0)
+    fleet.on_diagnostics([said()], 1.0)
     assert fleet.arms["left_arm"].state(1.0) == "alive, 2 of this name"
     fleet.meet("left_arm", False, "old")
     fleet.meet("left_arm", False, "old")
@@ -109,12 +111,14 @@ def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     fleet = Fleet()
     for i in range(2 * MOST_ARMS):
         fleet.meet(f"arm_{i}", True, "abc")
-        fleet.hear([said(f"contactd: other_{i}")], 1.0)
+        fleet.on_diagnostics([said(f"contactd: other_{i}")], 1.0)
     assert len(fleet.arms) == MOST_ARMS
     for i in range(2 * MOST_OF_ONE_NAME):
         fleet.meet("arm_0", True, f"node {i}")
     assert len(fleet.arms["arm_0"].nodes) == MOST_OF_ONE_NAME
-    fleet.hear([said("contactd: arm_0", "\x1b[2J" + "x" * 10_000), said("contactd: a*b")], 1.0)
+    fleet.on_diagnostics(
+        [said("contactd: arm_0", "\x1b[2J" + "x" * 10_000), said("contactd: a*b")], 1.0
+    )
     assert "a*b" not in fleet.arms
     assert fleet.arms["arm_0"].text == "?[2J" + "x" * (MOST_TEXT - 4)
     fleet.touch(Diagnosis(Level.WARN, "j", "contact\n", "arm_1"))
@@ -123,7 +127,7 @@ def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     fleet.arms.pop("arm_2")  # so that there is room
     long = "a" * (MOST_NAME + 1)
     assert arm_of_token(Node(0, f"/{long}", "contactd", Distro.JAZZY, "abc").token(), 0) == ""
-    fleet.hear([said(f"contactd: {long}")], 1.0)
+    fleet.on_diagnostics([said(f"contactd: {long}")], 1.0)
     fleet.touch(Diagnosis(Level.WARN, "j", "contact", long))
     assert set(fleet.arms) == known - {"arm_2"}
     assert fleet.arms["arm_1"].contact == "contact?"

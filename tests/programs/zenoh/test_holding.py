@@ -6,17 +6,17 @@ from hypothesis import strategies as st
 
 from programs.zenoh.holding import (
     DRIFT,
+    FIRST_CALL_S,
     HOLD_S,
-    KNOCK_S,
     LEAST_S,
-    LET_GO,
-    MOST_KNOCKS,
+    MOST_FIRST_CALLS,
     MOST_LOST,
     ONCE,
+    RELEASE_FIRST,
+    ArmCall,
     Hold,
     Step,
     Verdict,
-    Wish,
 )
 
 A, B = b"a" * 16, b"b" * 16
@@ -27,18 +27,18 @@ def say(
     hold: Hold, now_s: float, caller: bytes = A, *, armed: bool = True, late_s: float = 0.0
 ) -> Verdict:
     """Result of a call that was sent `late_s` before it is looked at; the daemon does it."""
-    wish = Wish(caller, armed, AHEAD_S + now_s - late_s)
-    verdict = hold.judge(wish, now_s)
+    request = ArmCall(caller, armed, AHEAD_S + now_s - late_s)
+    verdict = hold.judge(request, now_s)
     if verdict.step is Step.DISARM:
-        hold.let_go(caller)
+        hold.release(caller)
     elif verdict.step is not Step.NOTHING:
-        hold.granted(wish, verdict.lease_s, now_s)
+        hold.granted(request, verdict.lease_s, now_s)
     return verdict
 
 
 def begin(hold: Hold, now_s: float, caller: bytes = A, *, late_s: float = 0.0) -> Verdict:
     """Result of the call that arms, after the one that does not yet."""
-    first = say(hold, now_s - KNOCK_S - 0.01, caller, late_s=late_s)
+    first = say(hold, now_s - FIRST_CALL_S - 0.01, caller, late_s=late_s)
     return first if first.why != ONCE else say(hold, now_s, caller, late_s=late_s)
 
 
@@ -66,9 +66,9 @@ def test_calls_too_far_apart_arm_nothing() -> None:
 
 def test_those_who_call_once_are_not_remembered_for_ever() -> None:
     hold = Hold()
-    for i in range(2 * MOST_KNOCKS):
+    for i in range(2 * MOST_FIRST_CALLS):
         say(hold, float(i), i.to_bytes(16))
-    assert len(hold._knocks) == MOST_KNOCKS
+    assert len(hold._first_calls) == MOST_FIRST_CALLS
 
 
 def test_no_one_takes_over_what_is_held() -> None:
@@ -76,15 +76,15 @@ def test_no_one_takes_over_what_is_held() -> None:
     begin(hold, 0.0)
     assert say(hold, HOLD_S - 0.01, B).why == "another client keeps it armed"
     assert begin(hold, 2.0, B).step is Step.ARM
-    assert say(hold, 2.1, A).why == LET_GO  # it was silent for too long
+    assert say(hold, 2.1, A).why == RELEASE_FIRST  # it was silent for too long
 
 
 def test_who_lost_it_lets_go_first() -> None:
     hold = Hold()
     begin(hold, 0.0)
     hold.lose()
-    assert say(hold, 0.1).why == LET_GO
-    assert say(hold, 100.0).why == LET_GO
+    assert say(hold, 0.1).why == RELEASE_FIRST
+    assert say(hold, 100.0).why == RELEASE_FIRST
     assert say(hold, 100.1, armed=False).step is Step.DISARM
     assert begin(hold, 101.0).step is Step.ARM
 
@@ -93,7 +93,7 @@ def test_anybody_may_disarm_and_the_other_has_lost_it() -> None:
     hold = Hold()
     begin(hold, 0.0)
     assert say(hold, 0.1, B, armed=False).step is Step.DISARM
-    assert say(hold, 0.2).why == LET_GO
+    assert say(hold, 0.2).why == RELEASE_FIRST
     assert begin(hold, 1.0, B).step is Step.ARM
 
 
@@ -149,7 +149,7 @@ def test_who_comes_too_late_to_renew_has_lost_it() -> None:
     hold = Hold()
     begin(hold, 0.0)
     assert say(hold, 0.2, late_s=60.0).why == "60.0 s later than its fastest call"
-    assert say(hold, HOLD_S, late_s=60.0).why == LET_GO
+    assert say(hold, HOLD_S, late_s=60.0).why == RELEASE_FIRST
     say(hold, 1.0, late_s=60.0, armed=False)
     assert begin(hold, 2.0, late_s=60.0).step is Step.ARM
 
@@ -174,14 +174,14 @@ def test_no_lease_outlasts_the_caller(calls: list[tuple[bytes, bool, float, floa
     fastest: dict[bytes, float] = {}
     for caller, armed, apart_s, way_s, refused in calls:
         now_s += apart_s
-        wish = Wish(caller, armed, AHEAD_S + now_s - way_s)
-        verdict = hold.judge(wish, now_s)
+        request = ArmCall(caller, armed, AHEAD_S + now_s - way_s)
+        verdict = hold.judge(request, now_s)
         if verdict.why == ONCE:
-            now_s += KNOCK_S + 0.01
-            wish = Wish(caller, armed, AHEAD_S + now_s - way_s)
-            verdict = hold.judge(wish, now_s)
+            now_s += FIRST_CALL_S + 0.01
+            request = ArmCall(caller, armed, AHEAD_S + now_s - way_s)
+            verdict = hold.judge(request, now_s)
         if verdict.step is Step.DISARM:
-            hold.let_go(caller)
+            hold.release(caller)
         elif verdict.step is Step.ARM:
             assert verdict.lease_s == HOLD_S
             fastest[caller] = way_s
@@ -196,4 +196,4 @@ def test_no_lease_outlasts_the_caller(calls: list[tuple[bytes, bool, float, floa
             if refused:
                 hold.lose()
             else:
-                hold.granted(wish, verdict.lease_s, now_s)
+                hold.granted(request, verdict.lease_s, now_s)

@@ -19,7 +19,7 @@ def with_profile(setup, **changes):
 
 
 def hasty(setup):
-    """For a drive that is to time out: the others keep the patience that a busy machine needs."""
+    """For a drive that is to time out: the others keep the timeout that a busy machine needs."""
     return with_profile(setup, sdo_timeout_ms=100)
 
 
@@ -199,7 +199,7 @@ def test_letting_go_commands_every_drive_even_if_one_is_gone(bench, setups):
     elsewhere = replace(drive, wiring=msgspec.structs.replace(drive.wiring, node=99))
     gone = replace(setups[2], drive=elsewhere)
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).let_go()
+        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).disable_monitoring()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
 

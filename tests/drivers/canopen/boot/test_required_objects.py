@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from common.errors import ConfigurationError
-from drivers.canopen.boot.required_objects import check_drive, lacks, wanted
+from drivers.canopen.boot.required_objects import check_drive, lacks, required_values
 from drivers.canopen.settings import CanopenProfile
 
 
@@ -166,7 +166,7 @@ def test_a_period_that_the_drive_cannot_interpolate_over(setups):
 
 
 def test_the_safety_of_what_is_written(setups):
-    held = {(row.index, row.subindex): row.value for row in wanted(setups[0], 10, 126)}
+    held = {(row.index, row.subindex): row.value for row in required_values(setups[0], 10, 126)}
     assert held[0x6007, 0] == 3, "a drive whose master is silent stops"
     assert held[0x605A, 0] == 6, "and holds"
     assert held[0x1029, 1] == 0, "and takes no setpoint any more"

@@ -13,7 +13,7 @@ from drivers.can.slcan import SlcanWire
 from drivers.can.socketcand import StreamWire
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.boot.boot_up import DriveBoot
-from drivers.canopen.boot.heard_frames import HeardFrames
+from drivers.canopen.boot.received_frames import ReceivedFrames
 from drivers.canopen.boot.sdo_network import sdo_network
 
 Say = Callable[[bytes], object]
@@ -44,7 +44,7 @@ def text_line(request) -> Iterator[tuple[Wire, Say, Callable[[Frame], bytes]]]:
     os.close(ours)
 
 
-class Heard(HeardFrames):
+class Heard(ReceivedFrames):
     """Reader that also says when something has come."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ def test_a_frame_that_is_cut_when_the_tick_takes_over(text_line):
     wire, say, text = text_line
     for cut in range(1, len(text(TWO))):
         heard = Heard()
-        with sdo_network(wire, heard=heard):
+        with sdo_network(wire, received=heard):
             say(text(ONE) + text(TWO)[:cut])
             assert heard.news.wait(5.0)
         assert heard.take() == [ONE]
@@ -77,7 +77,7 @@ def test_a_frame_that_is_cut_when_sdo_takes_over(text_line):
         say(text(ONE) + text(TWO)[:cut])
         assert wire.receive(5.0) == ONE
         heard = Heard()
-        with sdo_network(wire, heard=heard):
+        with sdo_network(wire, received=heard):
             say(text(TWO)[cut:])
             assert heard.news.wait(5.0)
         assert heard.take() == [TWO], cut
@@ -87,7 +87,7 @@ def test_what_is_unread_when_sdo_ends_is_the_ticks_at_once(text_line):
     wire, say, text = text_line
     frames = [(0x80 + node, bytes(8)) for node in range(1, 8)]
     heard, go_on = Heard(), threading.Event()
-    with sdo_network(wire, heard=heard) as network:
+    with sdo_network(wire, received=heard) as network:
         network.subscribe(frames[0][0], lambda *_: go_on.wait(5.0))
         say(b"".join(text(frame) for frame in frames))
         assert heard.news.wait(5.0)
@@ -96,7 +96,7 @@ def test_what_is_unread_when_sdo_ends_is_the_ticks_at_once(text_line):
         go_on.set()
     assert heard.take() == frames[:1]
     assert [wire.receive(5.0) for _ in frames[1:]] == frames[1:]
-    with sdo_network(wire, heard=heard):
+    with sdo_network(wire, received=heard):
         heard.news.clear()
         say(text(THREE))
         assert heard.news.wait(5.0)
@@ -108,7 +108,7 @@ def test_what_the_tick_has_not_read_is_heard(text_line):
     say(text(ONE) + text(TWO))
     assert wire.receive(5.0) == ONE
     heard = Heard()
-    with sdo_network(wire, heard=heard):
+    with sdo_network(wire, received=heard):
         assert heard.news.wait(5.0)
     assert heard.take() == [TWO]
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from drivers.canopen.boot.verification import all_wanted
+from drivers.canopen.boot.verification import all_required
 from simulator.objects import key
 
 NODE_3 = 2
@@ -48,7 +48,7 @@ def test_every_object_is_read_once_and_none_is_written(booted, setups):
     assert {command for command, _, _ in asked} == {0x40}, "uploads alone"
     assert len(places) == len(set(places))
     assert written == []
-    rows = {(row.index, row.subindex) for row in all_wanted(setups[NODE_3], 10, 127)}
+    rows = {(row.index, row.subindex) for row in all_required(setups[NODE_3], 10, 127)}
     rows &= {(k >> 8, k & 0xFF) for k, entry in drive.objects.entries.items() if entry.writable}
     assert rows | {(0x6041, 0), (0x6061, 0), (0x1018, 1), (0x1018, 2), (0x1018, 4)} == set(places)
 
@@ -56,7 +56,7 @@ def test_every_object_is_read_once_and_none_is_written(booted, setups):
 def test_each_object_that_another_has_written_is_named(booted, setups):
     """One after the other: an object more or less in a table would not be noticed otherwise."""
     drive = booted.drives[NODE_3]
-    for row in all_wanted(setups[NODE_3], 10, 127):
+    for row in all_required(setups[NODE_3], 10, 127):
         where = key(row.index, row.subindex)
         if where not in drive.objects.entries or not drive.objects.entries[where].writable:
             continue  # it has none, or no one can have changed it

@@ -13,7 +13,7 @@ _LOOKED_AT_S = 2.5 * WINDOW_S
 _EVERY_S = 2.0
 
 
-def swing_sentence(cycles: Sequence[LimitCycle], gain: float | None) -> str:
+def limit_cycle_sentence(cycles: Sequence[LimitCycle], gain: float | None) -> str:
     """Sentence about joints in a limit cycle, with the gain [1/s] that ends it; empty if none.
 
     gain: of the position loop that moved them [1/s]; None if another controller did.
@@ -33,12 +33,12 @@ def swing_sentence(cycles: Sequence[LimitCycle], gain: float | None) -> str:
     )
 
 
-def spoilt(cycles: Sequence[LimitCycle], gain: float | None) -> dict[str, str]:
+def limit_cycle_sentences(cycles: Sequence[LimitCycle], gain: float | None) -> dict[str, str]:
     """Sentence for each joint whose limit cycle spoils the identification; gain as above."""
-    return {one.joint: swing_sentence([one], gain) for one in cycles if one.spoils}
+    return {one.joint: limit_cycle_sentence([one], gain) for one in cycles if one.spoils}
 
 
-class SwingWatch:
+class LimitCycleWatch:
     """Detector of limit cycles during a motion, which evaluates the last seconds periodically."""
 
     def __init__(self, joints: Sequence[str], gain: float, half_gap: Vector) -> None:
@@ -47,7 +47,7 @@ class SwingWatch:
         self._states: list[State] = []
         self._reported = False
 
-    def saw(self, state: State) -> str:
+    def add(self, state: State) -> str:
         """Add one State; returns the sentence once, when a limit cycle is first detected."""
         if self._reported:
             return ""
@@ -56,7 +56,7 @@ class SwingWatch:
         begun, now = self._states[0].time_s if self._states else state.time_s, state.time_s
         if now - begun < _LOOKED_AT_S:
             return ""
-        text = swing_sentence(limit_cycles(*self._log(), self._half_gap), self._gain)
+        text = limit_cycle_sentence(limit_cycles(*self._log(), self._half_gap), self._gain)
         self._reported = bool(text)
         self._states = [s for s in self._states if now - s.time_s < _LOOKED_AT_S - _EVERY_S]
         return text

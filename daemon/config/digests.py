@@ -30,22 +30,22 @@ _JOINT = ("origin", "axis", "parent", "child", "mimic")
 
 def fingerprint(c: Configuration, urdf: str) -> str:
     """SHA-256 of all settings that change the meaning of any measurement, with the URDF's exact
-    text: the only mark of the oldest files."""
+    text: the only digest of the oldest files."""
     joints = [(joint.name, _wiring(joint), joint.torque_constant) for joint in c.joints]
     return _digest((_drives(c), joints, c.period_ms, urdf))
 
 
-def marks_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
+def digests_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
     """SHA-256 of each dependence of one joint's values."""
     (joint,) = (one for one in c.joints if one.name == name)
     profile = joint.wiring.profile
     alone = msgspec.structs.replace(c, joints=[joint], drives={profile: c.drives[profile]})
-    whole = marks(c, urdf)
+    whole = digests(c, urdf)
     of_all = {part: whole[part] for part in (Dependence.MASSES, Dependence.BODIES)}
-    return marks(alone, urdf) | of_all
+    return digests(alone, urdf) | of_all
 
 
-def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
+def digests(c: Configuration, urdf: str) -> dict[Dependence, str]:
     """SHA-256 of each dependence over all joints, as in older files. Of earlier results only bodies
     are included; a drive's product is not, as its serial number identifies it."""
     geometry, masses = _urdf(urdf)

@@ -14,7 +14,7 @@ MOST: Final = 512
 _NOT_KEPT: Final = frozenset({SDO_ANSWER, *(TPDO + number * NEXT_PDO for number in range(4))})
 
 
-class HeardFrames:
+class ReceivedFrames:
     """Buffer that keeps each distinct frame once, in the order of last arrival, so that replaying
     them yields the present state. Filled by the reader thread; read it once that has ended."""
 
@@ -35,7 +35,7 @@ class HeardFrames:
         self._frames[key] = None
 
     def take(self) -> list[Frame]:
-        """Return the frames heard so far, and clear the buffer."""
+        """Return the frames received so far, and clear the buffer."""
         frames: list[Frame] = list(self._frames)
         self._frames.clear()
         return frames

@@ -18,11 +18,11 @@ from common.errors import BusError, ConfigurationError
 from simulator.hand_script import AnyAct
 
 LONGEST = 4096
-PATIENCE_S = 0.05
+TIMEOUT_S = 0.05
 """Longest wait for a client that connects and sends nothing."""
 
 
-class HandDoor:
+class HandSocket:
     """Listening socket at a path. `serve` does not block without a connected client."""
 
     def __init__(self, path: Path) -> None:
@@ -52,7 +52,7 @@ class HandDoor:
             while True:
                 connection, _ = self._socket.accept()
                 with connection, contextlib.suppress(OSError):
-                    connection.settimeout(PATIENCE_S)
+                    connection.settimeout(TIMEOUT_S)
                     connection.sendall(
                         msgspec.json.encode(_answer(_line(connection), take)) + b"\n"
                     )

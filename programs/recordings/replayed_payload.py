@@ -23,7 +23,7 @@ from programs.recordings.settings import PAYLOAD, Change, as_option, parsed_valu
 _UNKNOWN = object()  # payload of an estimator before the first State
 
 
-class Carried:
+class ReplayedPayload:
     """Payload to be set in an estimator, State by State. Raises ConfigurationError for an invalid
     payload."""
 

@@ -12,8 +12,8 @@ from common.errors import BusError, ConfigurationError
 from programs.contactctl.contactctl import main
 from programs.simulate.simulate import _live_hand
 from simulator.hand import TAKING_S, VISIT_S, Hand
-from simulator.hand_door import HandDoor
 from simulator.hand_script import Clamp, Gap, Give, Guide, Lean, Push, Release
+from simulator.hand_socket import HandSocket
 
 NAMES = ("shoulder", "elbow")
 Q, STILL = np.array([0.1, -0.2]), np.zeros(2)
@@ -95,8 +95,8 @@ def test_gap_goes_to_both_borders_and_carries_the_weight():
 
 
 @pytest.fixture
-def door(tmp_path: Path):
-    """A door that is served by a thread, and what was asked for there."""
+def hand_socket(tmp_path: Path):
+    """A socket that is served by a thread, and what was asked for there."""
     asked: list[object] = []
 
     def take(act) -> str:
@@ -105,7 +105,7 @@ def door(tmp_path: Path):
         asked.append(act)
         return "done"
 
-    one, stop = HandDoor(tmp_path / "hand"), threading.Event()
+    one, stop = HandSocket(tmp_path / "hand"), threading.Event()
 
     def serve() -> None:
         while not stop.wait(0.005):
@@ -136,8 +136,8 @@ def door(tmp_path: Path):
         (["release"], Release(at_s=0)),
     ],
 )  # fmt: skip
-def test_a_command_is_an_act(door, words, act):
-    path, asked = door
+def test_a_command_is_an_act(hand_socket, words, act):
+    path, asked = hand_socket
     result = CliRunner().invoke(main, ["hand", "--hand-socket", str(path), *words])
     assert (result.exit_code, result.output) == (0, "done\n")
     assert asked == [act]
@@ -152,8 +152,8 @@ def test_a_command_is_an_act(door, words, act):
         (["nudge", "elbow"], 2, "no command 'nudge'; there are: push, lean, "),
     ],
 )
-def test_what_a_hand_cannot_do_is_refused(door, words, status, says):
-    path, asked = door
+def test_what_a_hand_cannot_do_is_refused(hand_socket, words, status, says):
+    path, asked = hand_socket
     result = CliRunner().invoke(main, ["hand", "--hand-socket", str(path), *words])
     assert result.exit_code == status
     assert says in result.output
@@ -170,12 +170,12 @@ def test_there_is_no_hand_without_a_simulator(tmp_path: Path):
 
 
 def test_a_second_simulator_is_refused_and_a_socket_left_over_is_not(tmp_path: Path):
-    first = HandDoor(tmp_path / "hand")
+    first = HandSocket(tmp_path / "hand")
     assert (tmp_path / "hand").stat().st_mode & 0o777 == 0o600
     with pytest.raises(BusError, match="another simulator"):
-        HandDoor(tmp_path / "hand")
+        HandSocket(tmp_path / "hand")
     first._socket.close()  # as if it had been killed
-    HandDoor(tmp_path / "hand").close()
+    HandSocket(tmp_path / "hand").close()
 
 
 def test_a_simulation_beside_another_goes_without_a_live_hand_and_says_so(
@@ -194,20 +194,20 @@ def test_a_simulation_beside_another_goes_without_a_live_hand_and_says_so(
 
 
 def test_a_client_that_says_nothing_or_nonsense_does_no_harm(tmp_path: Path):
-    door = HandDoor(tmp_path / "hand")
+    hand_socket = HandSocket(tmp_path / "hand")
     for said in (b"", b"{", b"\xff\n", b"[]\n", b'{"act": "fly"}\n'):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
-            client.connect(str(door.path))
+            client.connect(str(hand_socket.path))
             client.sendall(said)
             client.shutdown(socket.SHUT_WR)
-            door.serve(lambda _: "")
+            hand_socket.serve(lambda _: "")
             assert b'"ok":false' in client.recv(4096)
-    door.close()
+    hand_socket.close()
 
 
 def test_a_file_in_the_place_of_the_socket_is_kept(tmp_path: Path):
     file = tmp_path / "config.yaml"
     file.write_text("version: 1\n")
     with pytest.raises(BusError, match=r"config.yaml: it exists and is not a socket"):
-        HandDoor(file)
+        HandSocket(file)
     assert file.read_text() == "version: 1\n"

@@ -11,6 +11,7 @@ import yaml
 
 from bench.rigs.generated_arms import in_yaml
 from bench.rigs.lockstep import ROMEO
+from daemon.config.digests import digests, fingerprint
 from daemon.config.evidence import objections, outdated, parameters_missing
 from daemon.config.identified import (
     EncodersEntry,
@@ -25,7 +26,6 @@ from daemon.config.identified import (
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
-from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import ArmingStep, Friction, Levels
 from drivers.wiring import Harmonic
 from estimator.body_inertia import BodyInertia
@@ -142,13 +142,13 @@ def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
 
 def test_a_file_of_before_is_valid_as_a_whole_and_marked_when_it_is_written(place: Path) -> None:
     robot = load_robot(place)
-    mark = fingerprint(robot.configuration, robot.urdf)
+    digest = fingerprint(robot.configuration, robot.urdf)
     assert robot.identified is not None
     old = robot.identified.joints["joint"]
     without = {step: ENTRIES[step] for step in ENTRIES}
     joint = type(old)(serial=1, **without)
     write_identified(
-        place / "identified.yaml", Identified(configuration=mark, joints={"joint": joint})
+        place / "identified.yaml", Identified(configuration=digest, joints={"joint": joint})
     )
     robot = load_robot(place)
     assert void(robot) == set()
@@ -245,7 +245,7 @@ def test_older_marks_of_the_whole_arm_hold_until_a_change_and_become_marks_of_jo
     place = commissioned(tmp_path)
     robot = load_robot(place)
     assert robot.identified is not None
-    of = marks(robot.configuration, robot.urdf)[WiringEntry.depends]
+    of = digests(robot.configuration, robot.urdf)[WiringEntry.depends]
     wiring = WiringEntry(**DAY, follows=1.0, of=of)
     joints = {
         name: msgspec.structs.replace(joint, wiring=wiring)

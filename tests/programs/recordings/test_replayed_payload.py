@@ -15,8 +15,8 @@ from daemon.service.status import snapshot_of
 from estimator.model import Model
 from estimator.payload import Payload
 from programs.clients.log_reader import read_log
-from programs.recordings.carried import Carried
 from programs.recordings.replayed import ReplayedRows
+from programs.recordings.replayed_payload import ReplayedPayload
 from programs.recordings.settings import Change, changed_configuration
 from tests.programs.clients.test_replay import written
 
@@ -86,7 +86,7 @@ def test_an_unannounced_load_stops_learning_unless_it_is_set_here() -> None:
     load = msgspec.structs.replace(state, recognised=Payload.of(0.3, (0.0, 0.0, 0.0)))
     for changes, frozen in (((SAME,), True), ((("payload", "0.3"),), False)):
         estimator = Fake()
-        carried = Carried(changes, c, model)
+        carried = ReplayedPayload(changes, c, model)
         carried.apply(estimator, load)  # type: ignore[arg-type]
         assert estimator.frozen is frozen
         carried.apply(estimator, state)  # type: ignore[arg-type]
@@ -112,5 +112,5 @@ def test_payloads_that_cannot_be(recording: Path, value: str, said: str) -> None
     assert isinstance(snapshot, Snapshot)
     c = changed_configuration(snapshot, [("payload", value)])
     with pytest.raises(ConfigurationError, match=r"^--set payload=") as caught:
-        Carried([("payload", value)], c, Model(snapshot.urdf, c.joint_names))
+        ReplayedPayload([("payload", value)], c, Model(snapshot.urdf, c.joint_names))
     assert said in str(caught.value)
