@@ -1,13 +1,17 @@
 """New files: checks of the name before anything is recorded, and files that appear under their name
 only when complete."""
 
+import fcntl
 import os
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Literal
 
-from common.errors import LogError
+from common.errors import ConfigurationError, LogError
+
+_WAIT_S = 5.0  # for a lock, under which only a small file is read and written
 
 
 def refuse_suffix(path: Path, allowed: Sequence[str]) -> None:
@@ -55,3 +59,29 @@ def whole_file(target: Path) -> Iterator[Path]:
         if not in_place:
             with suppress(OSError):
                 partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Lock for the block, between processes that read `path` and replace it. Raises
+    ConfigurationError if another holds it for longer than 5 s."""
+    try:
+        until, folder = time.monotonic() + _WAIT_S, os.open(path.parent, os.O_RDONLY)
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
+    try:
+        while True:
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    text = f"{path} is locked by another command: try again when it has ended"
+                    raise ConfigurationError(text) from None
+                time.sleep(0.05)
+                continue
+            except OSError:  # a file system without locks of folders, such as NFS
+                pass
+            break
+        yield
+    finally:
+        os.close(folder)

@@ -15,6 +15,7 @@ import click
 from rich.console import Console
 
 from common.errors import ConfigurationError, ContactdError, ControlError, LogError
+from common.new_file import locked
 from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot, refuse_unreadable
@@ -36,14 +37,9 @@ class Identification:
     """Robot whose parameters are identified, on its `arm` or from `logs`, and the results."""
 
     def __init__(
-        self,
-        robot: Robot,
-        console: Console,
-        *,
-        arm: LiveArm | None = None,
-        logs: tuple[Path, ...] = (),
-        dry: bool,
-    ) -> None:
+        self, robot: Robot, console: Console, *, arm: LiveArm | None = None,
+        logs: tuple[Path, ...] = (), dry: bool,
+    ) -> None:  # fmt: skip
         self.robot, self.arm = robot, arm
         self.missed: list[str] = []
         """Joints without good results."""
@@ -121,14 +117,19 @@ class Identification:
         return all(line.good for line in outcome.lines)
 
     def _write(self, step: str, outcome: Outcome) -> None:
-        if outcome.payloads:
-            found = merged_payloads(self.robot, outcome.payloads)
-        else:
-            serials = {} if self.arm is None else self.arm.serials()
-            found = merged(self.robot, step, outcome.entries, serials)
-        refuse_unreadable(self.robot, found)
-        write_identified(self.robot.folder / self.robot.configuration.identified, found)
-        self.robot = replace(self.robot, identified=found)
+        """Merge into the file as it is now: another command may have written it since."""
+        path = self.robot.folder / self.robot.configuration.identified
+        serials = {} if self.arm is None else self.arm.serials()
+        with locked(path):
+            there = load_robot(self.robot.path, walls=False).identified
+            robot = replace(self.robot, identified=there)
+            if outcome.payloads:
+                found = merged_payloads(robot, outcome.payloads)
+            else:
+                found = merged(robot, step, outcome.entries, serials)
+            refuse_unreadable(robot, found)
+            write_identified(path, found)
+        self.robot = replace(robot, identified=found)
         self._written += [*outcome.entries, *outcome.payloads]
 
     def _draw(self, draw: Callable[[Path], list[Path]]) -> None:
