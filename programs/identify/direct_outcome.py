@@ -9,7 +9,9 @@ from scipy.stats import binom
 
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot
+from daemon.config.vectors import row
 from identification.direct_friction import Law, Point, grouped_strokes, points
+from identification.log_checks import refuse_implausible
 from programs.identify.measured import Measured
 from programs.identify.plots import plot_direct
 from programs.identify.step import Line, Outcome
@@ -24,8 +26,10 @@ _VARIES = 0.5  # least change of load, over friction, from which its effect is e
 
 
 def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> Outcome:
-    """Measured points of each joint compared with its friction law."""
+    """Measured points of each joint compared with its friction law. Raises LogError for implausible
+    measurements."""
     c, lines, shown = robot.configuration, list[Line](), dict[str, tuple[Law, list[Point]]]()
+    refuse_implausible(measured.log, row(c, lambda j: j.wiring.max_current_A))
     for name in joints:
         i = c.joint_names.index(name)
         levels, constant = c.joints[i].thresholds, c.joints[i].torque_constant

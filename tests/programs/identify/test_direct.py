@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from bench.rigs.arm_without_bus import Course, Push, Scenario, Subject, record
 from bench.rigs.lockstep import ROMEO
+from common.errors import LogError
 from daemon.config.load import load_robot
 from daemon.config.schema import Levels
 from identification.direct_friction import Point, grouped_strokes, points
@@ -111,6 +112,12 @@ def test_a_current_that_is_missing_or_reversed_is_named(log, scale) -> None:
     assert outcome.draw is None
     found = points(grouped_strokes(wrong.log, 3, 1.0, LATE_S))
     assert all(point.scatter >= 0.0 for point in found)
+
+
+def test_a_current_in_another_unit_is_refused(log) -> None:
+    wrong = Measured(replace(log, current=1000.0 * log.current), "")
+    with pytest.raises(LogError, match=r"current of LElbowYaw reaches .* unit wrong by 1000"):
+        direct_outcome(ROBOT, wrong, ["LElbowYaw"])
 
 
 @pytest.mark.parametrize(
