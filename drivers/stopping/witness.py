@@ -20,8 +20,11 @@ STILL_S: Final = 0.2
 STILL_RAD: Final = STANDS * STILL_S
 #: A velocity from this value on is motion, whatever its bias [rad/s].
 MOVES: Final = 0.1
-#: Rest time of the positions that suffices after a velocity was observed to fall [s].
+#: Rest time of the positions that suffices after a velocity was observed to fall [s]; over the time
+#: of their last change, as what creeps changes again as soon; and at most, at 0.04 rad/s.
 PAUSE_S: Final = 0.03
+LONGER: Final = 1.5
+LONGEST_S: Final = 0.1
 #: Lag of a motor behind its setpoint [s]; it takes two ticks to show in the samples.
 LAG_S: Final = 0.05
 #: With setpoints below MOVES a motor under a soft loop may stick in friction so far before their
@@ -91,6 +94,11 @@ class Position:
     def rests(self, now: float, seconds: float) -> bool:
         """True if it has rested for `seconds`, or has never had a sample."""
         return math.isnan(self.value) or now - self.here_s >= seconds - ROUNDING_S
+
+    @property
+    def pause_s(self) -> float:
+        """Rest time [s] after a velocity fell: longer than the last change by STILL_RAD took."""
+        return max(PAUSE_S, min(LONGER * (self.here_s - self.before_s), LONGEST_S))
 
     @property
     def creeps(self) -> bool:
@@ -187,7 +195,8 @@ class Witness:
         if self._died or ((known := self._positions) and all(each.died for each in known)):
             return False
         if speed < STANDS and self._velocity_fell:
-            return self._rest(now, PAUSE_S)
+            # A velocity that died leaves positions that move on, less than STILL_RAD in PAUSE_S.
+            return all(each.rests(now, each.pause_s) for each in (self.link, self.motor))
         return speed < MOVES and self._position_followed and self._rest(now, STILL_S)
 
     def motor_moves(self, now: float, since: float) -> bool:

@@ -84,6 +84,8 @@ def test_it_stands_when_its_velocity_came_down_and_its_positions_rest(noise, mot
         (Sensors(0.09, link=frozen, motor=none), "slowly"),
         (Sensors(0.03, motor=none), "creeping"),
         (Sensors(0.5, velocity=dead), "its velocity is none"),
+        (Sensors(0.12, velocity=lambda k: max(0.5 - 0.02 * k, 0.0), motor=none), "its link creeps"),
+        (Sensors(0.06, velocity=lambda k: max(0.5 - 0.02 * k, 0.0)), "more slowly"),
         (Sensors(0.5, velocity=dead, link=frozen), "and its link encoder frozen"),
         (Sensors(0.5, velocity=dead, link=frozen, motor=none), "and it has no other"),
         (Sensors(0.03, velocity=dead, link=frozen), "creeping"),
