@@ -7,7 +7,7 @@ or if a required parameter is missing.
 from typing import get_args
 
 from daemon.config.digests import digests, digests_of, fingerprint
-from daemon.config.identified import ENTRIES, Entry, Identified, used_entries
+from daemon.config.identified import ENTRIES, Entry, Identified, IdentifiedPayload, used_entries
 from daemon.config.schema import ArmingStep, Configuration
 from daemon.protocol.text import printable
 
@@ -71,6 +71,12 @@ def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -
         and not (step == "wiring" and step in joint.known)
         and not in_force(entry, joint.name, found, c, urdf)
     ]
+
+
+def void_payloads(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Payloads that were weighed before a change of what their weight depends on."""
+    of = digests(c, urdf)[IdentifiedPayload.depends]
+    return [name for name, load in (found.payloads if found else {}).items() if load.of != of]
 
 
 def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf: str) -> bool:

@@ -8,6 +8,8 @@ import numpy as np
 from common.arrays import Vector
 from common.errors import ModelError
 from daemon.assembly import build_walls
+from daemon.config.evidence import void_payloads
+from daemon.config.identified import IdentifiedPayload
 from daemon.config.load import Robot
 from daemon.config.payload_shape import PAYLOAD, with_payload
 from daemon.config.schema import NO_PAYLOAD, Configuration
@@ -58,7 +60,15 @@ class Payloads:
                     f"no payload {request.name!r} under `payloads` in the configuration; {known}; "
                     "a mass is a plain number, in kg"
                 )
-            return self.named[request.name]
+            robot, payload = self.robot, self.named[request.name]
+            if request.name in void_payloads(robot.identified, robot.configuration, robot.urdf):
+                place = " ".join(f"{x:g}" for x in payload.com)
+                raise ModelError(
+                    f"{request.name} was weighed before {IdentifiedPayload.depends} were changed: "
+                    f"`contactd identify payload {request.name}` again; until then "
+                    f"`contactctl payload {payload.mass:g} --com {place}`, if that is still right"
+                )
+            return payload
         if request.mass is None:
             raise ModelError("it takes a `name`, or a `mass` with its `com` and `box`")
         if request.mass == 0.0:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final, get_args
 
-from daemon.config.digests import digests
-from daemon.config.evidence import outdated, unidentified
-from daemon.config.identified import ENTRIES, IdentifiedPayload, used_entries
+from daemon.config.evidence import outdated, unidentified, void_payloads
+from daemon.config.identified import ENTRIES, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import ArmingStep
 from daemon.protocol.text import printable
@@ -71,11 +70,10 @@ def overview(robot: Robot, now: datetime) -> Overview:
 
 def _payloads(robot: Robot, now: datetime) -> dict[str, Cell]:
     """Cells of identified payloads, which a change of friction or masses invalidates."""
-    of = digests(robot.configuration, robot.urdf)[IdentifiedPayload.depends]
-    cells = {}
+    void, cells = void_payloads(robot.identified, robot.configuration, robot.urdf), {}
     for name, load in (robot.identified.payloads if robot.identified else {}).items():
         text = f"{STEPS['payload'].quality(load)}, {_age(load.date, now)}"
-        valid = load.of == of
+        valid = name not in void
         cells[printable(name)] = Cell(text if valid else f"void, was {text}", good=valid)
     return cells
 

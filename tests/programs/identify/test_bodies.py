@@ -13,11 +13,12 @@ from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO
 from bench.study.masses import Subjects, carrying, true_bodies
-from common.errors import ConfigurationError
+from common.errors import ConfigurationError, ModelError
 from daemon.config.evidence import outdated, parameters_missing
 from daemon.config.identified import same_residuals, write_identified
 from daemon.config.load import Robot, load_robot, parse_configuration
 from daemon.config.worst_loads import worst_loads
+from daemon.protocol.requests import SetPayload
 from daemon.service.payloads import Payloads
 from estimator.model import Model
 from estimator.payload import Payload
@@ -205,7 +206,10 @@ def test_a_load_is_written_by_its_name_and_set_by_it(folder, motion, carried) ->
     assert "cup" in load_robot(folder).identified.payloads
     text = (folder / "identified.yaml").read_text()
     (folder / "identified.yaml").write_text(text.replace("mass: 1.", "mass: 1.0", 1))
-    assert "void" in overview(load_robot(folder), NOW).payloads["cup"].text
+    changed = load_robot(folder)
+    assert "void" in overview(changed, NOW).payloads["cup"].text
+    with pytest.raises(ModelError, match=r"cup was weighed before .* payload cup` again; until"):
+        Payloads(changed).asked_for(SetPayload(name="cup"))
 
 
 def test_without_masses_a_load_says_what_it_may_be_off(folder, carried) -> None:
