@@ -113,14 +113,9 @@ class Masses:
 
 
 def identify_masses(
-    log: MotionLog,
-    model: Model,
-    transmission: Transmission,
-    settings: EstimatorSettings,
-    max_current: Vector,
-    limits: tuple[Vector, Vector],
-    shortest_s: float = SHORTEST_S,
-) -> Masses:
+    log: MotionLog, model: Model, transmission: Transmission, settings: EstimatorSettings,
+    max_current: Vector, limits: tuple[Vector, Vector], shortest_s: float = SHORTEST_S,
+) -> Masses:  # fmt: skip
     """Bodies of all joints from contact-free motion.
 
     model: by the URDF alone; transmission: identified half-gaps, and initial friction; max_current
@@ -180,13 +175,9 @@ Reason = tuple[MassesVerdict, str]
 
 
 def _reasons(
-    log: MotionLog,
-    motion: BodyMotion,
-    joints: list[JointRows],
-    fit: BodiesFit,
-    t: Transmission,
+    log: MotionLog, motion: BodyMotion, joints: list[JointRows], fit: BodiesFit, t: Transmission,
     gravity: GravityErrors,
-) -> list[Reason]:
+) -> list[Reason]:  # fmt: skip
     """Reasons why joints cannot be judged by their fit; `good` where there is none."""
     left = np.stack(
         [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
@@ -204,6 +195,10 @@ def _reasons(
             found.append((MassesVerdict.SATURATED, about))
         elif about := wider(float(moved[i]), float(t.half_gap[i])):
             found.append((MassesVerdict.WRONG_GAP, about))
+        elif (rubs := fit.friction[i][0]) < 0.0 or np.ptp(log.current[:, i]) <= 0.0:
+            about = (f"friction comes out as {rubs:.2g} Nm: check column, sign and unit of the "
+                     "current")  # fmt: skip
+            found.append((MassesVerdict.WRONG_GRAVITY, about))
         elif i in pairs:
             about = (f"its residual follows the motion of {log.joints[pairs[i]]}, and vice versa: "
                      "give positions and currents of the joints, not of the motors")  # fmt: skip
@@ -223,15 +218,9 @@ def _reasons(
 
 
 def _judged(
-    names: tuple[str, ...],
-    joints: list[JointRows],
-    nominal: Matrix,
-    period_s: float,
-    bodies: dict[int, BodyInertia],
-    reasons: list[Reason],
-    coulomb: Vector,
-    least: float,
-) -> list[MassesFit]:
+    names: tuple[str, ...], joints: list[JointRows], nominal: Matrix, period_s: float,
+    bodies: dict[int, BodyInertia], reasons: list[Reason], coulomb: Vector, least: float,
+) -> list[MassesFit]:  # fmt: skip
     """Fits with their verdicts, from the errors on the end of the motion by a fit to the rest, and
     on its beginning likewise; coulomb (n,) [Nm]; least: times |r| by the URDF, to be worth it."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)

@@ -66,6 +66,7 @@ def friction_outcome(
     from identification.friction_verdict import Verdict
     from identification.limit_cycle import limit_cycles
     from identification.log_checks import refuse_implausible
+    from identification.log_scale import refuse_other_scale
     from programs.identify.friction_notes import (
         load_doubts,
         off_scale,
@@ -104,6 +105,8 @@ def friction_outcome(
         ]
     new = adopt(old, fits)
     good = [fit.verdict is Verdict.GOOD for fit in fits]
+    if measured.reference is None and any(good):
+        refuse_other_scale(log, model, old, c.estimator, limit)
     lines = [
         Line(fit.joint, fit.verdict.value, fits_well, _figures(fit), fit.reason)
         for fit, fits_well in zip(fits, good, strict=True)

@@ -53,6 +53,7 @@ def masses_outcome(
     from estimator.body_inertia import BodyInertia
     from identification.limit_cycle import limit_cycles
     from identification.log_checks import refuse_implausible
+    from identification.log_scale import refuse_other_scale
     from identification.masses import MassesVerdict, identify_masses
     from programs.identify.guesses import refuse_guessed_constants
     from programs.identify.limit_cycle_watch import limit_cycle_sentences
@@ -68,6 +69,8 @@ def masses_outcome(
     found = identify_masses(
         measured.log, model, build_transmission(c), c.estimator, limit, limits, shortest_s
     )
+    if measured.reference is None and found.usable:  # wiring is checked on the arm
+        refuse_other_scale(measured.log, model, build_transmission(c), c.estimator, limit)
     half_gap, reference = row(c, lambda j: j.half_gap), measured.reference
     cycles = [] if reference is None else limit_cycles(measured.log, reference, half_gap)
     swings = limit_cycle_sentences(cycles, c.control.position_gain)

@@ -157,6 +157,11 @@ def still(data: Columns, *joints: str) -> Columns:
     return {name: stands(name, values) for name, values in data.items()}
 
 
+def positions(data: Columns) -> Columns:
+    return {name: values for name, values in data.items() if not name.startswith("motor_")}
+
+
+E = "link_position.LElbowRoll"
 ALL = tuple(f".{name}" for name in load_robot(ROMEO).configuration.joint_names)
 
 
@@ -174,13 +179,20 @@ ALL = tuple(f".{name}" for name in load_robot(ROMEO).configuration.joint_names)
         (lambda d: still(d, *ALL[1:]), 1, "LWristPitch: fastest 0 rad/s, 0 reversals"),
         (lambda d: {**d, "current.LElbowRoll": 1000.0 * d["current.LElbowRoll"]}, 65,
          "unit wrong by 1000 (mA"),
+        (lambda d: {**d, "current.LElbowRoll": -d["current.LElbowRoll"]}, 1,
+         "friction comes out as -0."),
+        (lambda d: {**d, "current.LElbowRoll": 0.3 + 0.0 * d["time"]}, 1,
+         "check column, sign and unit of the current"),
+        (lambda d: positions({**d, "time": 2.0 * d["time"]}), 65, "with times multiplied by 0.5"),
+        (lambda d: positions({**d, E: 0.5 * d[E]}), 65, "of LElbowRoll multiplied by 1.4"),
     ],
 )  # fmt: skip
 def test_what_shows_nothing_writes_nothing(folder, motion, change, status, says) -> None:
     before = (folder / "identified.yaml").read_bytes()
-    result = identify(folder, change(motion), "masses")
-    assert result.exit_code == status, result.output
-    assert says in " ".join(result.output.split())
+    for step in ("masses", "friction")[: 1 + ("multiplied" in says)]:
+        result = identify(folder, change(motion), step)
+        assert result.exit_code == status, result.output
+        assert says in " ".join(result.output.split())
     assert (folder / "identified.yaml").read_bytes() == before
 
 
