@@ -284,7 +284,7 @@ def test_a_hand_that_pushes_what_its_drives_hold_is_no_fault(push: float) -> Non
         rig.arm.external_torque[2] = push
         rig.run(0.5)
         rig.arm.external_torque[2] = 0.0
-        rig.run(1.0)
+        rig.run(1.5)
         assert rig.mode is Mode.OFF
         assert rig.last.unproved == ()
 
