@@ -141,10 +141,10 @@ def measures(root: Path = ROOT) -> list[Measure]:
     state = set(fields_of("State", daemon["daemon/protocol/state.py"])) - status
     steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 69_460, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 15_090, 12_500),
+        Measure("lines of the product", lines(PRODUCT, root), 69_640, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 15_120, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_570, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 69_490, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 69_570, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 50_000, 50_000),
         Measure("decision records", decisions, 28, 28),
