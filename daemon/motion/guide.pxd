@@ -47,8 +47,8 @@ cdef class Guide:
     cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)
     cdef void _see(self) noexcept
-    @cython.locals(force=double)
-    cdef void _resist(self, Py_ssize_t rows, const double[:] gain, double dt) noexcept
+    @cython.locals(rows=Py_ssize_t)
+    cdef void _resist(self, const double[:] gain, double dt) noexcept
     @cython.locals(r=BackRows, rows=Py_ssize_t, damps=bint)
     cdef Py_ssize_t _choose(self, Py_ssize_t which) noexcept
     @cython.locals(r=BackRows, v=double, way=double, moves=double)

@@ -109,10 +109,10 @@ class Guide:
             return
         self._see()
         self.spring.measure(self._frame.x, self._G, self._M, hand)
+        self._resist(gain, dt)
         self._frame_alone(gain)
         rows = self._choose(_ACROSS)
         pivot = self._rows.factor(rows, gain)
-        self._resist(rows, gain, dt)
         self._rows.ask(rows, self._v)
         self._rows.push(rows, gain, self._rows.ahead, self._out)
         for i in range(self._n):
@@ -210,17 +210,15 @@ class Guide:
                     self._along[a, i] += M[a, b] * f.J[b, i]
                     self._along[3 + a, i] += _ARM_M * M[a, b] * f.J[3 + b, i]
 
-    def _resist(self, rows: int, gain: Vector, dt: float) -> None:
-        """Fade the spring by the force of the residual along each row, K A^T force = `_spring`."""
+    def _resist(self, gain: Vector, dt: float) -> None:
+        """Fade the spring by the force of the residual, K A^T force = `_spring`, along each of all
+        axes, so that a force along a free one withstands nothing."""
+        rows = self._choose(_EVERY)
+        self._rows.factor(rows, gain)
         self._rows.ask(rows, self._spring)
         self._rows.push(rows, gain, self._rows.ahead, self._spring)
-        rows = 0
-        for a in range(6):
-            force = 0.0
-            if self.spring.kind[a] != _FREE:
-                force = self._rows.y[rows]
-                rows += 1
-            self.spring.withstand(a, force, dt)
+        for a in range(rows):
+            self.spring.withstand(a, self._rows.y[a], dt)
 
     def _choose(self, which: int) -> int:
         """Rows A of the directions that are not free, of every one, or of those that are held;

@@ -6,7 +6,7 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef Py_ssize_t _DAMPED, _STIFF
-cdef double _ARM_M, _SPRING_M_S, _SLIP_M, _WHOLE_N, _BLOCKS_N, _NONE_N, _OFF_M, _BLOCKED_S
+cdef double _ARM_M, _SPRING_M_S, _SLIP_M, _WHOLE_N, _BLOCKS_N, _NONE_N, _OFF_M, _BLOCKED_S, _PRESSES_N
 
 cdef class GuideSpring:
     cdef double _rate
@@ -20,5 +20,5 @@ cdef class GuideSpring:
     @cython.locals(off=double, kept=double, one=double, n0=double, n1=double, n2=double, b=Py_ssize_t, c=Py_ssize_t)
     cdef void measure(self, double[::1] x, double[:, ::1] G, double[:, ::1] M, bint hand) noexcept
     cdef void _stiffen(self) noexcept
-    @cython.locals(against=double, blocked=bint)
+    @cython.locals(against=double, blocked=bint, gave=bint, b=Py_ssize_t)
     cdef void withstand(self, Py_ssize_t a, double force, double dt) noexcept

@@ -6,7 +6,8 @@ It acts only while a hand pushes, and not from further than _SLIP_M: what is fur
 spring, moves the place where the guide began. An obstacle on the way back is felt as a hand. So the
 spring fades as the force against it grows, from _WHOLE_N to _NONE_N: further force is not built up.
 Where a force withstands it for _BLOCKED_S, its axis is damped instead of stiff until nothing pushes
-the arm, and then begins anew where the tool is: an obstacle, or a clamped hand, is released.
+the arm, and then begins anew where the tool is: an obstacle, or a clamped hand, is released. If
+more than _PRESSES_N remain for as long again, others clamp it, and all stiff axes are damped.
 
 Ordinary Python, which runs as it is; `guide_spring.pxd` names types for the compiler.
 """
@@ -24,7 +25,7 @@ ARM_M = 0.3
 
 _SPRING_M_S, _SLIP_M = 0.1, 0.03  # fastest, and longest way
 _WHOLE_N, _BLOCKS_N, _NONE_N = 20.0, 22.0, 28.0
-_OFF_M, _BLOCKED_S = 2e-4, 1.0
+_OFF_M, _BLOCKED_S, _PRESSES_N = 2e-4, 1.0, 10.0
 _ARM_M, _DAMPED, _STIFF = ARM_M, DAMPED, STIFF  # for the compiler
 
 
@@ -85,7 +86,12 @@ class GuideSpring:
         """Fade `back` of axis a by the `force` [N] along it in this tick of dt [s]."""
         against = force if self.off[a] > 0.0 else -force
         self.back[a] *= min(max((_NONE_N - against) / (_NONE_N - _WHOLE_N), 0.0), 1.0)
-        blocked = against > _BLOCKS_N and abs(self.off[a]) > _OFF_M
+        gave = self.kind[a] != self._set[a]
+        blocked = abs(self.off[a]) > _OFF_M and against > _BLOCKS_N
+        blocked = abs(force) > _PRESSES_N if gave else blocked
         self._blocked_s[a] = max(self._blocked_s[a] + (dt if blocked else -dt), 0.0)
-        if self._blocked_s[a] > _BLOCKED_S and self.kind[a] == _STIFF:
-            self.kind[a] = _DAMPED
+        if self._blocked_s[a] > _BLOCKED_S:
+            self._blocked_s[a] = 0.0
+            for b in range(6):
+                if self.kind[b] == _STIFF and (gave or a == b):
+                    self.kind[b] = _DAMPED

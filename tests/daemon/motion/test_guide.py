@@ -232,6 +232,12 @@ def test_a_spring_that_a_force_withstands_fades_and_then_gives_way(
     assert (led.guide.spring.off[1] == 0.0) == (force > 22.0)
     if force > 22.0:
         assert J[1] @ v > 1e-3  # away from the obstacle
+        aside = q + np.linalg.pinv(J[:3]) @ (0.005 * np.eye(3)[2])
+        led(aside, gain * push, residual=push)
+        assert led.guide.spring.off[2] != 0.0
+        for _ in range(150):
+            led(aside, gain * push, residual=push)
+        assert led.guide.spring.off[2] == 0.0  # nor does another direction press on
         led(q, still, springs=False)
         led(q, still)
         assert abs(J[1] @ led(q, gain * push)) < 1e-3  # held again, where it is
