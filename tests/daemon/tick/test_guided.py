@@ -63,7 +63,7 @@ def test_an_obstacle_on_the_way_of_the_spring_is_released(on: ArmInTheLoop) -> N
         on.step()
         notices += [n.text for n in on.last.notices if n.text.startswith("guide yields")]
     assert max(pressed) > 10.0
-    assert max(pressed) < 50.0
+    assert max(pressed) < 60.0
     assert max(pressed[-10:]) < 28.0
     assert notices[0].startswith("guide yields along y: ")
 
