@@ -23,7 +23,8 @@ after a minute of work, with the gains of `contactctl gain --balance`.
             a line along an axis of the tool: 20 N press across, along each
             held axis that the drives can stand; then a hand of 1500 N/m
             leads the tool along by 0.1 m at 0.05 m/s, with the guide and
-            without. Not by default.
+            without; then an obstacle is where the hand was, on the way of
+            the spring. Not by default.
 
 --circle draws instead the circle of a hand at the tool of the first arm, and its force, as a PNG.
 """

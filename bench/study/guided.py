@@ -1,7 +1,8 @@
 """Simulated arms on a guide: deviation under a push across it, and the force of a lead along it.
 
 A line along an axis of the tool. 20 N press across it, along each held axis that the drives can
-withstand; then a hand leads the tool to and fro, with the guide and without.
+withstand; then a hand leads the tool to and fro, with the guide and without; then an obstacle is
+on the way of the spring, in place of the hand.
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ ACROSS_N, RISES_N_S, STAYS_S, SETTLED_S = 20.0, 10.0, 1.5, 0.5
 STRENGTH: Final = 0.8  # of the motors, gravity included
 MM: Final = 1e3
 HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.05, 0.1, 60.0
+OBSTACLE_N_M, BACK_M, GAP_M, BLOCKED_S = 20_000.0, 0.025, 0.0005, 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,8 @@ class Guided:
     free_off: float = np.nan  # without the guide
     leads: float = np.nan
     leads_free: float = np.nan
+    pressed: tuple[float, ...] = ()  # an obstacle, for each held axis, at most [N]
+    still_pressed: tuple[float, ...] = ()  # after BLOCKED_S
 
 
 def guided(arm: str, seed: int, work_s: float) -> Guided:
@@ -61,15 +65,19 @@ def guided(arm: str, seed: int, work_s: float) -> Guided:
             found = replace(found, off=off, furthest=furthest, play=play)
             led = [along(on, guide, k, way) for way in (1.0, -1.0)]
             free = [along(on, GuideAxes(), k, way) for way in (1.0, -1.0)]
+            (leads, led_off), (leads_free, free_off) = np.transpose(led), np.transpose(free)
+            found = replace(
+                found,
+                led_off=float(led_off.max()),
+                free_off=float(free_off.max()),
+                leads=float(np.median(leads)),
+                leads_free=float(np.median(leads_free)),
+            )
+            at_obstacles = [blocked(on, guide, AXES.index(axis), way) for axis in held]
+            pressed, still_pressed = zip(*at_obstacles, strict=True)
+            return replace(found, pressed=pressed, still_pressed=still_pressed)
         except RuntimeError as error:
             return replace(found, fault=str(error))
-    return replace(
-        found,
-        led_off=max(off for _, off in led),
-        free_off=max(off for _, off in free),
-        leads=float(np.median([force for force, _ in led])),
-        leads_free=float(np.median([force for force, _ in free])),
-    )
 
 
 def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
@@ -126,3 +134,30 @@ def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[flo
             off = max(off, float(np.linalg.norm(gone - ahead * (ahead @ gone))))
         forces.append(float(hand.force[0]))
     return float(np.median(forces[len(forces) // 2 :])), MM * off
+
+
+def blocked(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
+    """Force [N] on an obstacle that takes the place of a hand, on the way of the tool back to a
+    guide BACK_M away: at most, and in the end. NaN if the arm does not yield to the hand."""
+    at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
+    ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    force, forces = 0.0, [0.0]
+    on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * ahead)
+    while not (yields(on) and force > STRENGTH * ACROSS_N):
+        force += RISES_N_S * on.period_s
+        on.step()
+        if force > 2.0 * ACROSS_N:
+            return np.nan, np.nan
+    (x, J), guidance = at_tool(plant.q), on.tick.controller.motion.guidance
+    guidance.forget()
+    guidance.begin(plant.q - np.linalg.pinv(J) @ (BACK_M * ahead))
+
+    def obstacle(q: Vector, _: Vector) -> Vector:
+        point, J = at_tool(q)
+        forces.append(OBSTACLE_N_M * max(float(ahead @ (x - point)) - GAP_M, 0.0))
+        torque: Vector = J.T @ (forces[-1] * ahead)
+        return torque
+
+    on.drives.hold = obstacle
+    on.run(BLOCKED_S)
+    return max(forces), forces[-1]
