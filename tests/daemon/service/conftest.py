@@ -29,5 +29,12 @@ def served(arm: Path) -> Iterator[ServedDaemon]:
 
 
 @pytest.fixture
+def on(served: ServedDaemon) -> ServedDaemon:
+    """The same daemon, with its drives on."""
+    served.rig.enable()
+    return served
+
+
+@pytest.fixture
 def sockets(control: ControlSocket, dial: Dial) -> SocketRig:
     return SocketRig(control, dial)

@@ -194,11 +194,10 @@ def test_what_is_bad_is_not_taken_up_and_nothing_is_enabled(
     assert served.service.summary() == "holding, not armed: drives enabled"
 
 
-def test_a_fault_is_reset_first(served: ServedDaemon) -> None:
-    served.rig.enable()
-    served.rig.tick.controller.machine.mode = Mode.FAULTED
-    with Client(served.path) as client:
-        reply = served.ask(client, "reload")
+def test_a_fault_is_reset_first(on: ServedDaemon) -> None:
+    on.rig.tick.controller.machine.mode = Mode.FAULTED
+    with Client(on.path) as client:
+        reply = on.ask(client, "reload")
     assert reply.reasons == ["the drives must be off, not faulted: `contactctl reset` first"]
 
 

@@ -86,15 +86,14 @@ def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
         assert not reply.ok
 
 
-def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, client: Client) -> None:
-    rig = served.rig
-    rig.enable()
+def test_what_holds_a_recognised_load_says_what_to_do(on: ServedDaemon, client: Client) -> None:
+    rig = on.rig
     rig.request(Event.START)
-    served.run(1.0)
+    on.run(1.0)
     rig.request(Event.PAUSE)
-    served.run(1.0)
+    on.run(1.0)
     rig.tick.loads._recognition.found = Payload.of(0.4, rig.tick.estimator.model.tool_place)
-    status = served.until(client.ask_status)
+    status = on.until(client.ask_status)
     assert status.recognised == "looks like a load of 0.4 kg at the hand: `contactctl payload 0.4`"
     assert status.advice.splitlines() == [
         "announce the payload of the hand (`contactctl payload 0.4`), or remove it",
@@ -102,43 +101,41 @@ def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, clie
     ]
 
 
-def test_it_is_refused_while_a_person_guides_the_arm(served: ServedDaemon) -> None:
-    rig = served.rig
-    rig.enable()
-    served.run(1.0)
+def test_it_is_refused_while_a_person_guides_the_arm(on: ServedDaemon) -> None:
+    rig = on.rig
+    on.run(1.0)
     assert not rig.permit()
     rig.arm.external_torque[0] = 3.0
-    served.run(0.5)
+    on.run(0.5)
     assert rig.mode is Mode.ADMITTANCE
-    result = served.contactctl("payload", "0.1")
+    result = on.contactctl("payload", "0.1")
     assert result.exit_code == 1
     assert "the arm is being guided: let go of it first" in result.stderr
     rig.arm.external_torque[0] = 0.0
-    served.run(3.0)
-    assert served.contactctl("payload", "0.1").exit_code == 0
+    on.run(3.0)
+    assert on.contactctl("payload", "0.1").exit_code == 0
     assert rig.tick.controller.machine.armed
 
 
-def test_an_announced_load_is_no_contact(served: ServedDaemon) -> None:
+def test_an_announced_load_is_no_contact(on: ServedDaemon) -> None:
     """0.5 kg at 0.2 m shows 1 Nm times the sine of its angle; announced, nothing."""
-    rig = served.rig
-    rig.enable()
+    rig = on.rig
     rig.request(Event.START)
-    served.run(6.0)
+    on.run(6.0)
     rig.arm.plant.carry(0.5, np.array([0.0, 0.0, -0.2]))
     place = np.array([0.0, 0.0, -0.2])
 
     def largest() -> float:
         found: list[float] = []
         for _ in range(500):
-            served.tick()
+            on.tick()
             found.append(abs(float(rig.estimate.residual[0])))
         return max(found)
 
     untold = largest()
-    answer = served.contactctl("payload", "0.5", "--com", *map(str, place))
+    answer = on.contactctl("payload", "0.5", "--com", *map(str, place))
     assert answer.exit_code == 0, answer.stderr
-    served.run(0.5)
+    on.run(0.5)
     assert largest() < 0.5 * untold
 
 
@@ -174,24 +171,23 @@ def test_states_without_it_are_read() -> None:
     assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")
 
 
-def test_it_is_set_while_a_fault_is_latched_and_outlives_the_reset(served: ServedDaemon) -> None:
+def test_it_is_set_while_a_fault_is_latched_and_outlives_the_reset(on: ServedDaemon) -> None:
     """Also twice the same: what was learned of the model's errors begins anew, nothing else."""
-    rig = served.rig
-    rig.enable()
-    served.run(0.5)
+    rig = on.rig
+    on.run(0.5)
     rig.tick.controller.machine.apply(Event.FAULT, "the test", rig.time_s)
-    served.run(0.2)
+    on.run(0.2)
     assert rig.mode is Mode.FAULTED
     for _ in range(2):
-        assert served.contactctl("payload", "0.3").exit_code == 0
+        assert on.contactctl("payload", "0.3").exit_code == 0
     assert rig.mode is Mode.FAULTED
-    assert served.contactctl("reset").exit_code == 0
-    served.run(0.7)
+    assert on.contactctl("reset").exit_code == 0
+    on.run(0.7)
     assert rig.mode is Mode.OFF
     rig.enable()
-    served.run(0.5)
+    on.run(0.5)
     assert rig.tick.payload is not None
     assert rig.tick.payload.mass == 0.3
     for _ in range(2):
-        assert served.contactctl("payload", "none").exit_code == 0
+        assert on.contactctl("payload", "none").exit_code == 0
     assert rig.tick.payload is None

@@ -51,11 +51,10 @@ def stands(served: ServedDaemon) -> float:
     ("words", "goal"), [(["home"], 0.3), (["go", "home"], 0.3), (["go", "joint=-0.25"], -0.25)]
 )
 def test_it_goes_there_and_says_what_it_does(
-    served: ServedDaemon, words: list[str], goal: float
+    on: ServedDaemon, words: list[str], goal: float
 ) -> None:
-    served.rig.enable()
-    began = stands(served)
-    result = served.contactctl(*words, "--yes")
+    began = stands(on)
+    result = on.contactctl(*words, "--yes")
     assert result.exit_code == 0, result.stderr
     head, table, _, warning, end = result.stdout.splitlines()
     assert head.split() == ["from", "to", "distance", "speed", "time"]
@@ -63,8 +62,8 @@ def test_it_goes_there_and_says_what_it_does(
     assert figures[:4] == pytest.approx([began, goal, goal - began, 0.2], abs=2e-3)
     assert warning == command.NO_COLLISION_CHECK
     assert end.startswith("holding: the way to ")
-    served.run(0.3)
-    assert stands(served) == pytest.approx(goal, abs=0.01)
+    on.run(0.3)
+    assert stands(on) == pytest.approx(goal, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -78,26 +77,24 @@ def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
     assert command.in_words(way).splitlines()[-1] == words
 
 
-def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, Go(pose="home", speed=0.1)))
+def test_its_time_and_speed_are_kept(on: ServedDaemon) -> None:
+    reply = on.until(lambda: _ask(on, Go(pose="home", speed=0.1)))
     assert reply.way is not None
-    begun, where = served.rig.time_s, []
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-        where.append(float(served.rig.decision.reference[0]))
-    assert served.rig.time_s - begun == pytest.approx(reply.way.duration_s, abs=0.1)
-    period_s = served.rig.robot.configuration.period_s
+    begun, where = on.rig.time_s, []
+    while on.rig.mode is Mode.TRACKING:
+        on.tick()
+        where.append(float(on.rig.decision.reference[0]))
+    assert on.rig.time_s - begun == pytest.approx(reply.way.duration_s, abs=0.1)
+    period_s = on.rig.robot.configuration.period_s
     assert np.abs(np.diff(where)).max() / period_s == pytest.approx(max(reply.way.speed), rel=0.1)
 
 
-def test_a_plan_moves_nothing(served: ServedDaemon) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, Go(pose="far", plan=True)))
+def test_a_plan_moves_nothing(on: ServedDaemon) -> None:
+    reply = on.until(lambda: _ask(on, Go(pose="far", plan=True)))
     assert reply.ok
     assert (reply.message, reply.way.goal) == ("go: planned", [1.2])
-    served.run(0.2)
-    assert served.rig.mode is Mode.HOLDING
+    on.run(0.2)
+    assert on.rig.mode is Mode.HOLDING
 
 
 def test_poses_are_listed(served: ServedDaemon) -> None:
@@ -128,12 +125,11 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
     ],
 )
-def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text: str) -> None:
-    served.rig.enable()
-    result = served.contactctl(*words)
+def test_what_is_refused(on: ServedDaemon, words: list[str], code: int, text: str) -> None:
+    result = on.contactctl(*words)
     assert result.exit_code == code
     assert text in result.stderr
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
 @pytest.mark.parametrize(
@@ -146,12 +142,11 @@ def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text
         (Go(pose="home", planned_from=[0.9]), "has moved since this was planned"),
     ],
 )
-def test_requests_that_are_refused(served: ServedDaemon, request_: Request, reason: str) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, request_))
+def test_requests_that_are_refused(on: ServedDaemon, request_: Request, reason: str) -> None:
+    reply = on.until(lambda: _ask(on, request_))
     assert not reply.ok
     assert reason in reply.reasons[0]
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
 def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
@@ -165,45 +160,42 @@ def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
 
 
 @pytest.mark.parametrize("name", ["identification", "parameters"])
-def test_an_arm_that_is_not_identified_stays(served: ServedDaemon, name: str) -> None:
-    served.rig.enable()
-    checks = served.rig.arming
+def test_an_arm_that_is_not_identified_stays(on: ServedDaemon, name: str) -> None:
+    checks = on.rig.arming
     checks._settled = (Check(name=name, passed=False, text="gap of joint is not known"),)
-    result = served.contactctl("home", "--yes")
+    result = on.contactctl("home", "--yes")
     assert result.exit_code == 1
     assert "gap of joint is not known" in result.stderr
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
-def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDaemon) -> None:
-    served.rig.enable()
+def test_a_contact_on_the_way_halts_it_and_the_command_says_so(on: ServedDaemon) -> None:
     ask = Go(pose="far")
-    assert served.until(lambda: _ask(served, ask)).ok
-    served.run(1.5)
-    assert served.rig.mode is Mode.TRACKING
-    served.rig.arm.external_torque[0] = -3.0
-    served.run(0.5)
-    served.rig.arm.external_torque[0] = 0.0
-    assert served.rig.mode in (Mode.STOPPING, Mode.HOLDING)
-    assert not served.rig.tick.controller.machine.armed
-    served.run(1.5)
-    assert served.rig.mode is Mode.HOLDING
-    way = served.until(lambda: _ask(served, Go(pose="far", plan=True))).way
-    ended = served.until(lambda: _waited(served, way))
+    assert on.until(lambda: _ask(on, ask)).ok
+    on.run(1.5)
+    assert on.rig.mode is Mode.TRACKING
+    on.rig.arm.external_torque[0] = -3.0
+    on.run(0.5)
+    on.rig.arm.external_torque[0] = 0.0
+    assert on.rig.mode in (Mode.STOPPING, Mode.HOLDING)
+    assert not on.rig.tick.controller.machine.armed
+    on.run(1.5)
+    assert on.rig.mode is Mode.HOLDING
+    way = on.until(lambda: _ask(on, Go(pose="far", plan=True))).way
+    ended = on.until(lambda: _waited(on, way))
     assert not ended.ok
     assert ended.message.startswith("not arrived: holding, contact of ")
     assert ended.reasons == ["`contactctl start` continues the trajectory"]
-    assert served.contactctl("start").exit_code == 0
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-    assert served.until(lambda: _waited(served, way)).ok
+    assert on.contactctl("start").exit_code == 0
+    while on.rig.mode is Mode.TRACKING:
+        on.tick()
+    assert on.until(lambda: _waited(on, way)).ok
 
 
 def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
-    served: ServedDaemon,
+    on: ServedDaemon,
 ) -> None:
-    served.rig.enable()
-    result = served.contactctl("go", "joint=-1.4", "--yes")
+    result = on.contactctl("go", "joint=-1.4", "--yes")
     assert result.exit_code == 1
     warning, end, where = result.stderr.splitlines()
     assert "warning: joint may stop up to 0.200 rad short of -1.400" in warning
@@ -224,29 +216,25 @@ def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPa
     assert 0.5 < stands(served) < 0.7
 
 
-def test_stopped_by_another_it_is_not_there(served: ServedDaemon) -> None:
-    served.rig.enable()
-    way = served.until(lambda: _ask(served, Go(pose="far"))).way
-    served.run(2.0)
-    assert served.until(lambda: _ask(served, Stop())).ok
-    ended = served.until(lambda: _waited(served, way))
+def test_stopped_by_another_it_is_not_there(on: ServedDaemon) -> None:
+    way = on.until(lambda: _ask(on, Go(pose="far"))).way
+    on.run(2.0)
+    assert on.until(lambda: _ask(on, Stop())).ok
+    ended = on.until(lambda: _waited(on, way))
     assert not ended.ok
     assert ended.message.startswith("not arrived: holding, stop by")
 
 
-def test_the_way_that_a_refused_start_names_leads_there(
-    served: ServedDaemon, tmp_path: Path
-) -> None:
-    served.rig.enable()
+def test_the_way_that_a_refused_start_names_leads_there(on: ServedDaemon, tmp_path: Path) -> None:
     path = tmp_path / "move.csv"
     path.write_text("time_s,joint\n0,0.8\n1,0.8\n3,1.0\n")
-    refused = served.contactctl("start", str(path))
+    refused = on.contactctl("start", str(path))
     words = re.search(r"`contactctl (go [^`]+)` leads there", refused.stderr)
     assert words is not None, refused.stderr
-    assert served.contactctl(*words[1].split(), "--yes").exit_code == 0
-    assert served.contactctl("start", str(path)).exit_code == 0
-    assert served.rig.mode is Mode.TRACKING
-    served.contactctl("stop")
+    assert on.contactctl(*words[1].split(), "--yes").exit_code == 0
+    assert on.contactctl("start", str(path)).exit_code == 0
+    assert on.rig.mode is Mode.TRACKING
+    on.contactctl("stop")
 
 
 def _ask(served: ServedDaemon, request: Request):
@@ -400,13 +388,12 @@ def test_an_end_that_was_reached_is_not_overwritten_by_a_client_that_goes(
 
 
 def test_contactctl_attends_the_way_it_waits_for(
-    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
+    on: ServedDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    served.rig.enable()
     asked: list[Request] = []
     ask = Client.ask
     monkeypatch.setattr(Client, "ask", lambda self, r: (asked.append(r), ask(self, r))[1])
-    assert served.contactctl("home", "--yes").exit_code == 0
+    assert on.contactctl("home", "--yes").exit_code == 0
     assert [request.attended for request in asked if request.command == "go"] == [False, True]
 
 

@@ -102,14 +102,13 @@ def test_both_sockets_are_gone_at_the_end(control: ControlSocket) -> None:
     assert not any(path.exists() for path in paths)
 
 
-def test_a_state_reports_who_armed_the_arm_and_for_how_long(served: ServedDaemon) -> None:
-    served.rig.enable()
-    with Client(view_socket_path(served.path)) as onlooker, Client(served.path) as owner:
-        _, states = served.until(onlooker.subscribe)
+def test_a_state_reports_who_armed_the_arm_and_for_how_long(on: ServedDaemon) -> None:
+    with Client(view_socket_path(on.path)) as onlooker, Client(on.path) as owner:
+        _, states = on.until(onlooker.subscribe)
         request = Arm(lease_s=3.0, on_behalf_of="anna")
-        assert served.until(lambda: owner.ask(request)).ok
-        first = until(served, states, lambda state: state.armed)
-        later = until(served, states, lambda state: state.time_s >= first.time_s + 1.0)
+        assert on.until(lambda: owner.ask(request)).ok
+        first = until(on, states, lambda state: state.armed)
+        later = until(on, states, lambda state: state.time_s >= first.time_s + 1.0)
         assert first.permit is not None
         assert later.permit is not None
         assert (first.permit.uid, first.permit.pid) == (os.getuid(), os.getpid())
@@ -118,8 +117,8 @@ def test_a_state_reports_who_armed_the_arm_and_for_how_long(served: ServedDaemon
         passed_s = later.time_s - first.time_s
         assert later.permit.left_s == pytest.approx(first.permit.left_s - passed_s, abs=1e-6)
         stop = Stop(on_behalf_of="a phone at 192.0.2.7")
-        assert served.until(lambda: onlooker_s_stop(served, stop)).ok
-        last = until(served, states, lambda state: not state.armed)
+        assert on.until(lambda: onlooker_s_stop(on, stop)).ok
+        last = until(on, states, lambda state: not state.armed)
         assert last.permit is None
         assert f"(pid {os.getpid()}) on behalf of a phone at 192.0.2.7" in last.cause
 
@@ -140,22 +139,21 @@ def until(served: ServedDaemon, states: Iterator[State], what: Callable[[State],
     return state
 
 
-def test_a_viewer_gets_learned_friction_and_bus_load(served: ServedDaemon) -> None:
-    served.rig.enable()
-    served.run(1.0)
-    estimator = served.rig.tick.estimator
+def test_a_viewer_gets_learned_friction_and_bus_load(on: ServedDaemon) -> None:
+    on.run(1.0)
+    estimator = on.rig.tick.estimator
     memory = estimator.memory()
     # Nothing was learned from an arm at rest: shares as a minute of work might leave them.
     shares = [[0.1, 0.03, -0.12, -0.17] for _ in memory["learning"]["shares"]]
     memory["learning"]["shares"] = shares
     estimator.restore(memory)
-    with Client(view_socket_path(served.path)) as onlooker:
-        status = served.until(onlooker.ask_status)
-        snapshot, _ = served.until(onlooker.subscribe)
+    with Client(view_socket_path(on.path)) as onlooker:
+        status = on.until(onlooker.ask_status)
+        snapshot, _ = on.until(onlooker.subscribe)
     assert status.learned is not None
     found = [status.learned.viscous, status.learned.coulomb, status.learned.load]
     for values, expected in zip(found, [-0.03, 0.12, 0.17], strict=True):
         assert values == pytest.approx([expected] * len(shares), abs=1e-3)
     assert "identify friction" in status.advice
-    c = served.rig.robot.configuration
+    c = on.rig.robot.configuration
     assert snapshot.bus_load == bus_load(frames_of(c), c.bus.bitrate)
