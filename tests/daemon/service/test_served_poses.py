@@ -247,7 +247,7 @@ def _waited(served: ServedDaemon, way: object):
         return command._wait(client, way, lambda: False)
 
 
-# --- who waits for the arm may be gone -----------------------------------------------------
+# --- clients that attend a motion, and end before it -----------------------------------------
 
 
 def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
@@ -258,12 +258,20 @@ def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
+@pytest.fixture
+def attending(served: ServedDaemon) -> Iterator[Client]:
+    """Client whose motion to `far` has begun; a test may close it."""
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        yield client
+
+
 def cause(served: ServedDaemon) -> str:
     return served.rig.tick.controller.machine.cause
 
 
 def halted(served: ServedDaemon) -> str:
-    """Cause of the halt, where the arm holds 0.3 s from now."""
+    """Cause of the halt of an arm that holds 0.3 s from now."""
     causes = []
     for _ in range(30):
         served.tick()
@@ -289,51 +297,43 @@ def starts_the_configured(served: ServedDaemon) -> bool:
     return controller.motion.follower.place.path is configured
 
 
-def test_a_client_that_is_gone_halts_the_way_it_attended_which_is_forgotten(
-    served: ServedDaemon,
-) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        assert trajectory(served).attended
+def test_a_closed_client_halts_its_motion(served: ServedDaemon, attending: Client) -> None:
+    assert trajectory(served).attended
+    attending.close()
     assert halted(served) == "abandon by the daemon: its client is gone; its motion is forgotten"
     assert stands(served) < 1.0
     assert starts_the_configured(served)
 
 
 @pytest.mark.parametrize("event", [Event.PAUSE, Event.HALT])
-def test_what_was_halted_before_its_client_went_is_forgotten_too(
-    served: ServedDaemon, event: Event
+def test_a_motion_halted_before_its_client_closes_is_forgotten(
+    served: ServedDaemon, attending: Client, event: Event
 ) -> None:
     """As after Ctrl-C of a step of the identification, or a contact."""
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
-        served.run(0.5)
-        paused = trajectory(served)
-        assert (paused.state, paused.attended) == ("paused", True)
-        status = served.until(client.ask_status)
-        assert status.advice == ASK_AGAIN
+    served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
+    served.run(0.5)
+    paused = trajectory(served)
+    assert (paused.state, paused.attended) == ("paused", True)
+    assert served.until(attending.ask_status).advice == ASK_AGAIN
+    attending.close()
     served.run(0.1)
-    assert (
-        cause(served)
-        == "before; abandon by the daemon: its client is gone; its motion is forgotten"
-    )
+    gone = "abandon by the daemon: its client is gone; its motion is forgotten"
+    assert cause(served) == f"before; {gone}"
     assert starts_the_configured(served)
 
 
-def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        machine = served.rig.tick.controller.machine
-        machine.arm("the test")
-        served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
-        assert machine.moving
+def test_a_closed_client_leaves_a_guided_arm(served: ServedDaemon, attending: Client) -> None:
+    machine = served.rig.tick.controller.machine
+    machine.arm("the test")
+    served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
+    assert machine.moving
+    attending.close()
     served.tick()
     assert (machine.mode, machine.armed) == (Mode.ADMITTANCE, True)
     assert (machine.moving, machine.paused) == (False, False)
 
 
-def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon) -> None:
+def test_a_motion_is_halted_when_its_client_is_silent(served: ServedDaemon) -> None:
     served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
@@ -345,7 +345,7 @@ def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon)
         assert starts_the_configured(served)
 
 
-def test_a_way_that_no_one_attends_goes_on(served: ServedDaemon) -> None:
+def test_a_motion_without_an_attending_client_goes_on(served: ServedDaemon) -> None:
     served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=False)
@@ -353,41 +353,37 @@ def test_a_way_that_no_one_attends_goes_on(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_a_plain_start_leaves_the_way_with_its_client(served: ServedDaemon) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        served.contactctl("pause")
-        served.contactctl("start")
-        served.run(0.2)
-        assert served.rig.mode is Mode.TRACKING
-        assert trajectory(served).attended
+def test_a_start_by_another_keeps_the_client(served: ServedDaemon, attending: Client) -> None:
+    served.contactctl("pause")
+    served.contactctl("start")
+    served.run(0.2)
+    assert served.rig.mode is Mode.TRACKING
+    assert trajectory(served).attended
+    attending.close()
     served.run(0.2)
     assert served.rig.mode is not Mode.TRACKING
     assert starts_the_configured(served)
 
 
-def test_another_motion_that_was_started_since_is_not_halted(served: ServedDaemon) -> None:
-    with Client(served.path) as client, Client(served.path) as other:
-        sets_out(served, client, attended=True)
+def test_another_later_motion_is_not_halted(served: ServedDaemon, attending: Client) -> None:
+    with Client(served.path) as other:
         served.contactctl("pause")
         assert served.until(lambda: other.go("home")).ok
         served.run(0.2)
+    attending.close()
     served.run(0.2)
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_an_end_that_was_reached_is_not_overwritten_by_a_client_that_goes(
-    served: ServedDaemon,
-) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        while served.rig.mode is Mode.TRACKING:
-            served.tick()
+def test_a_closed_client_keeps_the_cause_of_an_end(served: ServedDaemon, attending: Client) -> None:
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+    attending.close()
     served.run(0.1)
     assert (served.rig.mode, cause(served)) == (Mode.HOLDING, "the way to far came to its end")
 
 
-def test_contactctl_attends_the_way_it_waits_for(
+def test_contactctl_attends_the_motion_it_waits_for(
     on: ServedDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Request] = []
