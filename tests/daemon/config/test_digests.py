@@ -236,9 +236,7 @@ def test_a_change_that_all_joints_share_voids_all(
         assert void == robot.configuration.joint_names
 
 
-def test_older_marks_of_the_whole_arm_hold_until_a_change_and_become_marks_of_joints(
-    tmp_path: Path,
-) -> None:
+def test_older_marks_of_the_whole_arm_hold_until_a_change(tmp_path: Path) -> None:
     place = commissioned(tmp_path)
     robot = load_robot(place)
     assert robot.identified is not None

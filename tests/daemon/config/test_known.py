@@ -106,12 +106,12 @@ def test_a_wiring_that_is_known_makes_no_other_drive_this_one(
     assert against == [f"joint was identified on drive 1, this is drive {drive}"] * refused
 
 
-def test_what_is_identified_is_not_known_otherwise(tmp_path: Path) -> None:
+def test_an_identified_value_is_not_listed_as_known_otherwise(tmp_path: Path) -> None:
     robot = arm(tmp_path, "{gap: of the data sheet, friction: by the maker}", "gap", "thresholds")
     assert check_parameters(robot).text == "known otherwise: friction of all: by the maker"
 
 
-def test_nothing_known_otherwise(tmp_path: Path) -> None:
+def test_all_identified_needs_no_known(tmp_path: Path) -> None:
     check = check_parameters(arm(tmp_path, "", *ENTRIES))
     assert check == Check(
         name="parameters",
@@ -129,20 +129,20 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
         ("{gap: true}", "must be text, not true"),
     ],
 )
-def test_it_must_be_said_how(known: str, words: str, tmp_path: Path) -> None:
+def test_an_invalid_statement_of_known_is_refused(known: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError) as caught:
         arm(tmp_path, known)
     assert words in str(caught.value)
 
 
 @pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
-def test_every_shipped_arm_says_how(folder: Path) -> None:
+def test_every_shipped_arm_states_how_its_values_are_known(folder: Path) -> None:
     check = check_parameters(load_robot(folder))
     assert check.passed
     assert check.text.startswith("known otherwise: gap of all: as simulated")
 
 
-def test_what_was_written_cannot_speak_to_a_terminal(tmp_path: Path) -> None:
+def test_text_of_known_is_printed_without_control_characters(tmp_path: Path) -> None:
     robot = arm(tmp_path, '{gap: "\\e[2J"}', "wiring", "friction", "thresholds")
     assert "gap of all: ?[2J" in check_parameters(robot).text
 
@@ -213,7 +213,7 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         ("{gap: by hand}", ", least: 0.1", ("thresholds",), 0.25),
     ],
 )
-def test_only_a_person_lowers_a_level_that_he_states(
+def test_learning_does_not_lower_a_stated_level(
     tmp_path: Path, known: str, least: str, steps: tuple[str, ...], share: float
 ) -> None:
     folder = arm(tmp_path, known, *steps).folder

@@ -347,9 +347,7 @@ def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(detector: FaultD
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
 
 
-def test_a_motor_that_does_not_follow_is_named_in_modes_that_command_it(
-    detector: FaultDetector,
-) -> None:
+def test_a_motor_that_does_not_follow_is_named_while_commanded(detector: FaultDetector) -> None:
     not_followed = [(Condition.NOT_FOLLOWING, "elbow")]
     setpoint = np.array([0.0, 0.5])
 

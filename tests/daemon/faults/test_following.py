@@ -79,7 +79,7 @@ def test_the_bounds_are_those_of_the_documentation() -> None:
     assert (TICKS, PRESSING_SHARE, SAG_TICKS, HEARD_SHARE) == (20, 0.5, 50, 0.02)
 
 
-def test_it_counts_anew(following: Following) -> None:
+def test_ticks_count_again_from_zero(following: Following) -> None:
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
     assert ticks(following, 1, 0.0, 0.0) == [False]
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
@@ -114,7 +114,7 @@ def test_a_first_current_that_is_no_number_excuses_nothing(following: Following)
     assert ticks(following, TICKS, 0.0, 0.5, -0.4)[-1]
 
 
-def test_what_was_commanded_lately_may_still_be_obeyed(following: Following) -> None:
+def test_a_recent_setpoint_may_still_be_obeyed(following: Following) -> None:
     ticks(following, WINDOW, 0.5, 0.5)
     # Commanded to stand, it goes on: that counts when the last 0.5 has left the window.
     found = ticks(following, WINDOW - 1 + TICKS, 0.0, 0.5)

@@ -33,7 +33,7 @@ def named(name: str) -> Case:
         ("... for 400 ms", 60),
     ],
 )
-def test_a_drive_that_stood_and_runs_on_later(first: str, later: int, second: str) -> None:
+def test_a_proof_is_void_when_the_drive_moves_again(first: str, later: int, second: str) -> None:
     with PLACE.stage() as on, ExitStack() as cleanup:
         start(on, armed=True)
         judge, moved = Judge(on), 0
@@ -82,7 +82,7 @@ def blind_velocity(on: BreakableArm) -> Iterator[None]:
             yield
 
 
-def test_after_silence_no_reset_believes_a_velocity_alone() -> None:
+def test_a_reset_after_silence_needs_more_than_a_velocity_of_zero() -> None:
     with PLACE.stage() as on, ExitStack() as cleanup:
         start(on, armed=True)
         judge = Judge(on)

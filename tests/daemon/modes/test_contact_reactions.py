@@ -27,9 +27,7 @@ FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 @pytest.mark.parametrize("reaction", ContactReaction)
 @pytest.mark.parametrize("armed", [True, False], ids=["armed", "unarmed"])
-def test_a_contact_leads_to_its_reaction_if_armed(
-    tracking: Make, armed: bool, reaction: ContactReaction
-) -> None:
+def test_the_reaction_to_a_contact(tracking: Make, armed: bool, reaction: ContactReaction) -> None:
     arm = tracking(contact=reaction)
     if armed:
         arm.touch()
@@ -79,9 +77,7 @@ def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
         (R.QUICK_STOP, M.FAULTED),
     ],
 )
-def test_a_collision_while_it_yields(
-    tracking: Make, collision: ContactReaction, mode: Mode
-) -> None:
+def test_a_collision_in_admittance(tracking: Make, collision: ContactReaction, mode: Mode) -> None:
     arm = tracking(collision=collision)
     arm.run(0.3, **arm.push(0.5))
     arm.hit(3.0)

@@ -105,9 +105,7 @@ def test_stop_and_disarm_work_in_every_mode(mode: Mode, event: Event) -> None:
         *((mode, Event.DOUBT, {Mode.STOPPING}) for mode in (*MOVING, Mode.RELEASING)),
     ],
 )
-def test_a_fault_disable_and_doubt_end_all_motion(
-    mode: Mode, event: Event, after: set[Mode]
-) -> None:
+def test_fault_disable_and_doubt_end_motion(mode: Mode, event: Event, after: set[Mode]) -> None:
     assert next_mode(mode, event) in after
 
 
@@ -124,7 +122,7 @@ def test_disarm_stops_a_guided_arm_alone(mode: Mode) -> None:
 
 
 @pytest.mark.parametrize("mode", sorted(set(Mode) - ENERGISED))
-def test_nothing_energises_but_enable(mode: Mode) -> None:
+def test_only_enable_energises(mode: Mode) -> None:
     into = [event for event in Event if next_mode(mode, event) in ENERGISED]
     assert into == ([Event.ENABLE] if mode is Mode.OFF else [])
 
@@ -144,9 +142,7 @@ def test_only_start_and_quiet_begin_a_trajectory(mode: Mode) -> None:
 @pytest.mark.parametrize(
     ("guided", "event"), [(Mode.ADMITTANCE, Event.TOUCH), (Mode.RETRACTING, Event.RETRACT)]
 )
-def test_only_a_contact_of_an_energised_arm_makes_it_yield(
-    mode: Mode, guided: Mode, event: Event
-) -> None:
+def test_only_a_contact_makes_it_yield_or_retract(mode: Mode, guided: Mode, event: Event) -> None:
     # It may back away again; yielding again is no change, and a release comes first.
     felt = mode in SENSING - {Mode.RELEASING} and not mode is guided is Mode.ADMITTANCE
     paused = [Event.PAUSE, Event.ABANDON] if mode is guided else []
@@ -183,7 +179,7 @@ def test_a_halt_stops_a_moving_arm(mode: Mode) -> None:
     assert machine.mode is Mode.STOPPING
 
 
-def test_from_a_fault_only_reset_leads_out() -> None:
+def test_only_reset_ends_a_fault() -> None:
     leaving = [event for event in Event if next_mode(Mode.FAULTED, event) not in (None, "faulted")]
     assert leaving == [Event.RESET]
     assert next_mode(Mode.FAULTED, Event.RESET) is Mode.OFF

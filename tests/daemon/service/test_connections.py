@@ -137,9 +137,7 @@ def no_descriptors(sockets: SocketRig) -> Iterator[socket.socket]:
         os.close(file)
 
 
-def test_a_stop_is_answered_without_a_descriptor_left(
-    sockets: SocketRig, no_descriptors: socket.socket
-) -> None:
+def test_stop_is_answered_without_files(sockets: SocketRig, no_descriptors: socket.socket) -> None:
     send(no_descriptors, "stop")
     sockets.poll()
     assert reported(no_descriptors)["ok"] is True
@@ -155,9 +153,7 @@ def clock(control: ControlSocket) -> list[float]:
     return now
 
 
-def test_a_crowd_at_one_listener_leaves_time_for_the_other(
-    sockets: SocketRig, clock: list[float]
-) -> None:
+def test_a_crowded_listener_leaves_time_to_another(sockets: SocketRig, clock: list[float]) -> None:
     """Each gets its share in every poll."""
     shares: list[tuple[Door, float]] = []
 
@@ -178,9 +174,7 @@ def test_a_crowd_at_one_listener_leaves_time_for_the_other(
     assert [round(share, 3) for _, share in shares] == [1.0, 1.0, 1.0, 1.0]
 
 
-def test_new_connections_get_their_time_however_long_reading_took(
-    sockets: SocketRig, clock: list[float]
-) -> None:
+def test_slow_reading_leaves_time_for_new_clients(sockets: SocketRig, clock: list[float]) -> None:
     control, client, until = sockets.control, sockets.dial(), list[float]()
     sockets.poll()
     send(client, "status")

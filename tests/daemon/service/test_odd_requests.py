@@ -48,7 +48,7 @@ def on_again(served: ServedDaemon) -> None:
 
 
 @pytest.mark.parametrize("robot", [SINGLE_JOINT, DESK_ARM, ROMEO], ids=lambda path: path.name)
-def test_each_is_answered_and_no_tick_breaks(
+def test_every_odd_request_is_answered_and_no_tick_breaks(
     tmp_path: Path, robot: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served_daemon(tmp_path, robot) as served:
@@ -132,7 +132,7 @@ def test_every_number_of_a_request_has_bounds_in_the_schema() -> None:
     assert all("minimum" in one and "maximum" in one for one in found), found
 
 
-def test_a_slow_way_still_ends_where_it_should(on: ServedDaemon, client: Client) -> None:
+def test_the_slowest_motion_has_a_bounded_duration(on: ServedDaemon, client: Client) -> None:
     reply = on.until(lambda: client.go(targets={"joint": 0.0}, speed=0.001))
     assert reply.ok, reply
     assert reply.way.duration_s < 10_000.0

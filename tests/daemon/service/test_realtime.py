@@ -47,7 +47,7 @@ def outcome(mode: str, cpus: tuple[int, ...] = ()) -> dict:
     return json.loads(done.stdout)
 
 
-def test_what_is_reported_is_what_the_kernel_says() -> None:
+def test_the_report_agrees_with_the_kernel() -> None:
     found = outcome("as it is")
     report = found["report"]
     assert report["memory"][0] is (found["locked_kB"] > 10_000)
@@ -59,7 +59,7 @@ def test_what_is_reported_is_what_the_kernel_says() -> None:
     assert report["cpu"][0] is ((os.cpu_count() or 1) == 1)
 
 
-def test_without_rights_it_works_and_says_so() -> None:
+def test_missing_rights_are_reported_and_the_program_runs() -> None:
     found = outcome("no rights")
     report = found["report"]
     assert report["memory"] == [False, "memory not locked (Cannot allocate memory)"] or report[

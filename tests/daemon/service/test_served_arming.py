@@ -40,9 +40,7 @@ def until_disarmed(served: ServedDaemon, limit_s: float) -> tuple[float, str]:
     return took, cause_of_disarming(served)
 
 
-def test_arm_may_follow_enable_at_once(
-    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arm_waits_after_enable(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     served.idle_s = 0.02  # a tick for each time that the command looks
     monkeypatch.setattr(replies, "SENSING_WAIT_S", 60.0)  # of a clock that the ticks do not follow
     with Client(served.path) as client:
@@ -65,7 +63,7 @@ def test_arm_shows_every_check_and_who_armed(on: ServedDaemon) -> None:
     assert f"(pid {os.getpid()}) for another" in on.contactctl("status").stdout
 
 
-def test_arm_shows_what_the_arm_feels_now(on: ServedDaemon) -> None:
+def test_arm_shows_the_smallest_touch(on: ServedDaemon) -> None:
     on.run(0.5)
     shown = on.contactctl("arm").stdout.splitlines()
     felt = json.loads(on.contactctl("--json", "arm").stdout)["sensitivity"]
@@ -91,7 +89,7 @@ def test_arm_shows_what_the_arm_feels_now(on: ServedDaemon) -> None:
     assert shown[-2] in on.contactctl("status").stdout
 
 
-def test_a_push_as_large_as_it_says_is_felt(on: ServedDaemon) -> None:
+def test_a_push_of_the_stated_smallest_touch_is_detected(on: ServedDaemon) -> None:
     """And one of half of it is not: less than in motion, for it moves the link through its gap."""
     assert on.contactctl("arm").exit_code == 0
     on.run(0.5)
@@ -105,7 +103,7 @@ def test_a_push_as_large_as_it_says_is_felt(on: ServedDaemon) -> None:
         assert (on.rig.mode is Mode.ADMITTANCE) == yields, (share, on.rig.estimate)
 
 
-def test_before_the_first_samples_nothing_is_said_to_be_felt(served: ServedDaemon) -> None:
+def test_no_smallest_touch_is_known_before_the_first_samples(served: ServedDaemon) -> None:
     served.rig.tick.last = None
     assert sensitivity_now(served.rig.tick) is None
 
@@ -155,7 +153,7 @@ def test_a_program_holds_its_lease_by_renewing(on: ServedDaemon, client: Client)
     assert "ran out" in cause
 
 
-def test_a_program_that_is_gone_leaves_the_arm_holding(on: ServedDaemon) -> None:
+def test_an_arm_whose_program_is_gone_holds_disarmed(on: ServedDaemon) -> None:
     client = Client(on.path)
     assert on.until(lambda: client.arm(3600.0)).ok
     on.rig.arm.external_torque[0] = 3.0
@@ -191,7 +189,7 @@ def test_renewing_never_arms(on: ServedDaemon, client: Client) -> None:
     assert not armed(on)
 
 
-def test_only_who_armed_renews(on: ServedDaemon, client: Client) -> None:
+def test_only_the_owner_renews(on: ServedDaemon, client: Client) -> None:
     assert on.contactctl("arm", "--lease", "60").exit_code == 0
     refused = on.until(client.renew)
     assert "only this owner can renew it" in refused.reasons[0]
@@ -202,13 +200,13 @@ def test_only_who_armed_renews(on: ServedDaemon, client: Client) -> None:
         assert not on.until(client.renew).ok
 
 
-def test_renewing_takes_no_impossible_lease(client: Client) -> None:
+def test_renewing_with_an_impossible_lease_is_refused(client: Client) -> None:
     for lease_s in (0.0, -1.0, 86_401.0, float("nan")):
         with pytest.raises(ControlError, match="must be more than 0"):
             client.renew(lease_s)
 
 
-def test_another_owner_is_refused_and_everybody_disarms(on: ServedDaemon, client: Client) -> None:
+def test_another_owner_may_not_arm_and_may_disarm(on: ServedDaemon, client: Client) -> None:
     assert on.until(lambda: client.arm(60.0)).ok
     result = on.contactctl("arm")
     assert result.exit_code == 1
@@ -223,9 +221,7 @@ def test_another_owner_is_refused_and_everybody_disarms(on: ServedDaemon, client
     assert "for another 10 min" in refused.reasons[0]
 
 
-def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
-    served: ServedDaemon, client: Client
-) -> None:
+def test_status_advises_on_a_fault_until_its_reset(served: ServedDaemon, client: Client) -> None:
     def advice() -> str:
         status = served.ask(client, "status").status
         assert status is not None
@@ -246,7 +242,7 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
     assert status.advice == advice_of(Condition.BUS_LOADED)
 
 
-def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
+def test_arming_and_disarming_all_the_time_does_not_fill_the_log(
     served: ServedDaemon, client: Client, caplog: pytest.LogCaptureFixture
 ) -> None:
     served.ask(client, "enable")

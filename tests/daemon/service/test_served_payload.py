@@ -20,7 +20,7 @@ from programs.clients.client import Client
 CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 
 
-def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
+def test_a_payload_is_set_shown_and_removed(served: ServedDaemon) -> None:
     assert (
         served.contactctl("payload").stdout
         == "none; a payload announced before the daemon started is forgotten\n"
@@ -59,7 +59,7 @@ def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
         (["6"], 1, "too heavy: the motors can hold at most"),
     ],
 )
-def test_what_cannot_be_carried_is_refused(
+def test_an_impossible_payload_is_refused(
     served: ServedDaemon, arguments: list[str], code: int, words: str
 ) -> None:
     result = served.contactctl("payload", *arguments)
@@ -68,7 +68,7 @@ def test_what_cannot_be_carried_is_refused(
     assert served.rig.tick.payload is None
 
 
-def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
+def test_contradicting_fields_are_refused(served: ServedDaemon, client: Client) -> None:
     for request, reason in (
         (SetPayload(), "it takes a `name`, or a `mass` with its `com`"),
         (SetPayload(name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
@@ -86,7 +86,7 @@ def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
         assert not reply.ok
 
 
-def test_what_holds_a_recognised_load_says_what_to_do(on: ServedDaemon, client: Client) -> None:
+def test_the_advice_on_a_recognised_load(on: ServedDaemon, client: Client) -> None:
     rig = on.rig
     rig.request(Event.START)
     on.run(1.0)
@@ -101,7 +101,7 @@ def test_what_holds_a_recognised_load_says_what_to_do(on: ServedDaemon, client: 
     ]
 
 
-def test_it_is_refused_while_a_person_guides_the_arm(on: ServedDaemon) -> None:
+def test_a_payload_is_refused_while_a_person_guides_the_arm(on: ServedDaemon) -> None:
     rig = on.rig
     on.run(1.0)
     assert not rig.permit()
@@ -153,7 +153,7 @@ def test_names_come_from_the_configuration(tmp_path: Path) -> None:
             assert served.until(program.payload).message == "payload: none"
 
 
-def test_what_the_motors_can_hold_is_at_the_bound() -> None:
+def test_a_payload_is_too_heavy_just_beyond_the_motors_torque() -> None:
     """1 kg at 0.2 m and a motor of 12 Nm."""
     robot = load_robot(SINGLE_JOINT)
     capacity = PayloadCapacity(robot.configuration, robot.model)
@@ -165,13 +165,13 @@ def test_what_the_motors_can_hold_is_at_the_bound() -> None:
     assert capacity.too_heavy(Payload.of(1.001 * most, place))
 
 
-def test_states_without_it_are_read() -> None:
+def test_older_states_and_payloads_are_read() -> None:
     assert msgspec.json.decode(msgspec.json.encode({"mass": 1.0, "com": [0.0, 0.0, 0.0]}),
                                type=Payload).name == ""  # fmt: skip
     assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")
 
 
-def test_it_is_set_while_a_fault_is_latched_and_outlives_the_reset(on: ServedDaemon) -> None:
+def test_a_payload_set_during_a_fault_stays_after_the_reset(on: ServedDaemon) -> None:
     """Also twice the same: what was learned of the model's errors begins anew, nothing else."""
     rig = on.rig
     on.run(0.5)

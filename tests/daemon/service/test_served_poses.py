@@ -50,9 +50,7 @@ def stands(served: ServedDaemon) -> float:
 @pytest.mark.parametrize(
     ("words", "goal"), [(["home"], 0.3), (["go", "home"], 0.3), (["go", "joint=-0.25"], -0.25)]
 )
-def test_it_goes_there_and_says_what_it_does(
-    on: ServedDaemon, words: list[str], goal: float
-) -> None:
+def test_go_moves_to_a_pose_and_prints_it(on: ServedDaemon, words: list[str], goal: float) -> None:
     began = stands(on)
     result = on.contactctl(*words, "--yes")
     assert result.exit_code == 0, result.stderr
@@ -69,7 +67,7 @@ def test_it_goes_there_and_says_what_it_does(
 @pytest.mark.parametrize(
     ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
 )
-def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
+def test_the_printed_motion_ends_with_what_is_checked(shapes: bool, words: str) -> None:
     way = PlannedPath(
         name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0,
         shapes=shapes,
@@ -77,7 +75,7 @@ def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
     assert command.in_words(way).splitlines()[-1] == words
 
 
-def test_its_time_and_speed_are_kept(on: ServedDaemon) -> None:
+def test_the_planned_time_and_speed_are_kept(on: ServedDaemon) -> None:
     reply = on.until(lambda: _ask(on, Go(pose="home", speed=0.1)))
     assert reply.way is not None
     begun, where = on.rig.time_s, []
@@ -125,7 +123,7 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
     ],
 )
-def test_what_is_refused(on: ServedDaemon, words: list[str], code: int, text: str) -> None:
+def test_an_invalid_go_is_refused(on: ServedDaemon, words: list[str], code: int, text: str) -> None:
     result = on.contactctl(*words)
     assert result.exit_code == code
     assert text in result.stderr
@@ -142,7 +140,7 @@ def test_what_is_refused(on: ServedDaemon, words: list[str], code: int, text: st
         (Go(pose="home", planned_from=[0.9]), "has moved since this was planned"),
     ],
 )
-def test_requests_that_are_refused(on: ServedDaemon, request_: Request, reason: str) -> None:
+def test_an_invalid_request_is_refused(on: ServedDaemon, request_: Request, reason: str) -> None:
     reply = on.until(lambda: _ask(on, request_))
     assert not reply.ok
     assert reason in reply.reasons[0]
@@ -169,7 +167,7 @@ def test_an_arm_that_is_not_identified_stays(on: ServedDaemon, name: str) -> Non
     assert on.rig.mode is Mode.HOLDING
 
 
-def test_a_contact_on_the_way_halts_it_and_the_command_says_so(on: ServedDaemon) -> None:
+def test_a_contact_halts_the_motion_and_the_command_reports_it(on: ServedDaemon) -> None:
     ask = Go(pose="far")
     assert on.until(lambda: _ask(on, ask)).ok
     on.run(1.5)
@@ -192,9 +190,7 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(on: ServedDaemon)
     assert on.until(lambda: _waited(on, way)).ok
 
 
-def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
-    on: ServedDaemon,
-) -> None:
+def test_go_to_a_limit_warns_of_the_gap(on: ServedDaemon) -> None:
     result = on.contactctl("go", "joint=-1.4", "--yes")
     assert result.exit_code == 1
     warning, end, where = result.stderr.splitlines()
@@ -216,7 +212,7 @@ def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPa
     assert 0.5 < stands(served) < 0.7
 
 
-def test_stopped_by_another_it_is_not_there(on: ServedDaemon) -> None:
+def test_a_motion_stopped_by_another_client_is_reported_as_not_arrived(on: ServedDaemon) -> None:
     way = on.until(lambda: _ask(on, Go(pose="far"))).way
     on.run(2.0)
     assert on.until(lambda: _ask(on, Stop())).ok
@@ -225,7 +221,7 @@ def test_stopped_by_another_it_is_not_there(on: ServedDaemon) -> None:
     assert ended.message.startswith("not arrived: holding, stop by")
 
 
-def test_the_way_that_a_refused_start_names_leads_there(on: ServedDaemon, tmp_path: Path) -> None:
+def test_the_advice_of_a_refused_start_leads_there(on: ServedDaemon, tmp_path: Path) -> None:
     path = tmp_path / "move.csv"
     path.write_text("time_s,joint\n0,0.8\n1,0.8\n3,1.0\n")
     refused = on.contactctl("start", str(path))
@@ -383,9 +379,7 @@ def test_a_closed_client_keeps_the_cause_of_an_end(served: ServedDaemon, attendi
     assert (served.rig.mode, cause(served)) == (Mode.HOLDING, "the way to far came to its end")
 
 
-def test_contactctl_attends_the_motion_it_waits_for(
-    on: ServedDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_contactctl_attends_its_motion(on: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Request] = []
     ask = Client.ask
     monkeypatch.setattr(Client, "ask", lambda self, r: (asked.append(r), ask(self, r))[1])

@@ -23,9 +23,7 @@ def patient(c: Configuration) -> Configuration:
 
 
 @pytest.mark.parametrize(("learning", "least"), [(True, 0.2), (False, 1.0)])
-def test_the_least_level_is_all_of_it_where_nothing_learns(
-    tmp_path: Path, learning: bool, least: float
-) -> None:
+def test_the_least_level_without_learning(tmp_path: Path, learning: bool, least: float) -> None:
     def learns(c: Configuration) -> Configuration:
         estimator = msgspec.structs.replace(c.estimator, learning=learning)
         return msgspec.structs.replace(c, estimator=estimator)
@@ -47,7 +45,7 @@ def served_wire(folder: Path) -> Iterator[tuple[ServedDaemon, list[FaultyWire]]]
         yield served, wires
 
 
-def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -> None:
+def test_status_names_a_joint_that_does_not_sense_and_since_when(tmp_path: Path) -> None:
     with served_wire(tmp_path) as (served, wires):
         served.rig.enable()
         shown = served.contactctl("status").stdout

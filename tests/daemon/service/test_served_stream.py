@@ -83,9 +83,7 @@ def test_a_stream_beyond_what_the_thresholds_have_seen_is_answered_with_warnings
     assert len(logged) == 2
 
 
-def test_the_arm_follows_the_client_and_halts_when_it_is_done(
-    served: ServedDaemon, leader: Leader
-) -> None:
+def test_the_arm_follows_and_halts_at_the_end(served: ServedDaemon, leader: Leader) -> None:
     begun = here(served)
     leader.to(begun, 5)
     for k in range(200):
@@ -131,9 +129,7 @@ def test_a_first_target_that_is_refused(
     assert served.rig.mode is Mode.HOLDING
 
 
-def test_a_second_stream_is_refused_and_its_targets_too(
-    served: ServedDaemon, leader: Leader
-) -> None:
+def test_a_second_stream_and_its_targets_are_refused(served: ServedDaemon, leader: Leader) -> None:
     leader.to(here(served), 5)
     with closing(Leader(served)) as other:
         with pytest.raises(ControlError, match=r"the arm follows uid .* already"):
@@ -148,9 +144,7 @@ def test_a_second_stream_is_refused_and_its_targets_too(
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_stopped_by_a_person_the_stream_is_reported_why(
-    served: ServedDaemon, leader: Leader
-) -> None:
+def test_a_stop_by_a_person_is_reported_to_its_sender(served: ServedDaemon, leader: Leader) -> None:
     leader.to(here(served), 5)
     assert served.contactctl("stop").exit_code == 0
     with pytest.raises(ControlError, match="no longer follows this connection: stop by uid"):
@@ -227,9 +221,7 @@ def test_a_refused_asyncio_stream_says_why(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.HOLDING
 
 
-def test_a_lease_that_runs_out_ends_arming_and_not_the_stream(
-    served: ServedDaemon, leader: Leader
-) -> None:
+def test_the_end_of_a_lease_does_not_end_the_stream(served: ServedDaemon, leader: Leader) -> None:
     begun = here(served)
     leader.to(begun, 30)
     with Client(served.path) as client:

@@ -62,7 +62,7 @@ def without_trajectory(c: Configuration) -> Configuration:
     return msgspec.structs.replace(c, trajectory=Trajectory())
 
 
-def test_an_arm_without_a_trajectory_says_so_and_starts_only_a_file(tmp_path: Path) -> None:
+def test_an_arm_without_a_trajectory_starts_only_a_file(tmp_path: Path) -> None:
     """As drafted."""
     with served_daemon(tmp_path, configure=without_trajectory) as served:
         served.rig.enable()
@@ -130,7 +130,7 @@ def test_the_name_of_a_file_forges_no_line(on: ServedDaemon, tmp_path: Path) -> 
     assert "\x1b" not in on.contactctl("status").stdout
 
 
-def test_it_is_paused_and_goes_on(on: ServedDaemon, tmp_path: Path) -> None:
+def test_a_paused_trajectory_continues(on: ServedDaemon, tmp_path: Path) -> None:
     assert on.contactctl("start", str(csv(tmp_path, swing(on)))).exit_code == 0
     on.run(1.0)
     assert on.contactctl("pause").exit_code == 0
@@ -153,7 +153,7 @@ def test_a_bad_file_is_refused_with_its_line(on: ServedDaemon, tmp_path: Path) -
     assert on.rig.mode is Mode.HOLDING
 
 
-def test_a_file_that_begins_elsewhere_needs_a_word(on: ServedDaemon, tmp_path: Path) -> None:
+def test_a_file_that_begins_elsewhere_needs_an_option(on: ServedDaemon, tmp_path: Path) -> None:
     here = stands(on)
     path = csv(tmp_path, [(0, here + 0.4), (1, here + 0.4), (2, here + 0.5)])
     result = on.contactctl("start", str(path))
@@ -185,7 +185,7 @@ def test_a_program_loads_and_starts(on: ServedDaemon, client: Client) -> None:
         ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
 )
-def test_a_program_is_reported_the_row(
+def test_a_bad_row_is_reported_with_its_number(
     served: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
     velocities = [[0.0] * len(q) for q in positions]
@@ -198,7 +198,7 @@ def test_a_program_is_reported_the_row(
         served.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
 
 
-def test_what_was_loaded_belongs_to_its_connection(on: ServedDaemon, client: Client) -> None:
+def test_a_loaded_trajectory_belongs_to_its_connection(on: ServedDaemon, client: Client) -> None:
     rows = [[stands(on)], [stands(on)]]
     on.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
     with Client(on.path) as other:
@@ -213,7 +213,7 @@ def test_what_was_loaded_belongs_to_its_connection(on: ServedDaemon, client: Cli
         on.service.commands.upload.take(2)
 
 
-def test_half_an_upload_is_no_trajectory(on: ServedDaemon) -> None:
+def test_an_incomplete_upload_is_no_trajectory(on: ServedDaemon) -> None:
     raw = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     raw.connect(str(on.path))
 
@@ -234,7 +234,7 @@ def test_half_an_upload_is_no_trajectory(on: ServedDaemon) -> None:
     assert on.service.control.connections == 0
 
 
-def test_what_was_led_by_hand_is_done_again(served: ServedDaemon, tmp_path: Path) -> None:
+def test_a_recorded_lead_is_run_again(served: ServedDaemon, tmp_path: Path) -> None:
     """Recorded while a push leads the arm, then run."""
     path = tmp_path / "led.csv"
     served.rig.enable()

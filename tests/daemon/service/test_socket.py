@@ -42,9 +42,7 @@ def test_request_is_answered_and_the_peer_known(sockets: SocketRig) -> None:
         (b'"' + b"x" * 8192, "at most 8192 bytes"),
     ],
 )
-def test_malformed_is_reported_and_the_connection_kept(
-    sockets: SocketRig, packet: bytes, expected: str
-) -> None:
+def test_malformed_packets_are_answered(sockets: SocketRig, packet: bytes, expected: str) -> None:
     client = sockets.dial()
     sockets.poll()
     client.send(packet)

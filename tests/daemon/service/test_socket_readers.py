@@ -50,9 +50,7 @@ def test_a_ninth_reader_of_a_user_is_refused(sockets: SocketRig) -> None:
     assert len(sockets.control.readers) == 8
 
 
-def test_readers_of_all_users_are_bounded(
-    sockets: SocketRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_readers_in_all_are_bounded(sockets: SocketRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel's answer about the peer is replaced: connections of three users."""
     users = iter([os.getuid()] * 8 + [1001, 1001] + [1002] * 7)
 

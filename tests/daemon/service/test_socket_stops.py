@@ -11,9 +11,7 @@ from tests.socket_peers import flooding, reported
 
 
 @pytest.mark.parametrize("command", ["stop", "disarm"])
-def test_a_stop_is_served_in_the_first_poll_whatever_waits(
-    sockets: SocketRig, command: str
-) -> None:
+def test_a_stop_is_served_in_the_first_poll(sockets: SocketRig, command: str) -> None:
     """Beside 32 connections that flood and 60 that want in, with no time at all for turns."""
     flooding(sockets.control, sockets.dial, sockets.handler)
     sockets.poll(10, turns_s=0.0)

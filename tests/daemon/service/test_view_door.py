@@ -45,9 +45,7 @@ def ask(client: socket.socket, command: str) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_it_serves_the_commands_of_its_table_alone(
-    sockets: SocketRig, look: Dial, command: str
-) -> None:
+def test_it_serves_the_listed_commands_alone(sockets: SocketRig, look: Dial, command: str) -> None:
     sockets.handler.snapshot, client = snapshot_at(0), look()
     ask(client, command)
     sockets.poll()
@@ -71,9 +69,7 @@ def test_a_stop_of_a_viewer_overtakes_other_clients(sockets: SocketRig, look: Di
     assert "a stop overtook it" in str(last["message"])
 
 
-def test_a_viewer_never_takes_the_place_of_a_commanding_client(
-    sockets: SocketRig, look: Dial
-) -> None:
+def test_a_viewer_never_replaces_a_commanding_client(sockets: SocketRig, look: Dial) -> None:
     control = sockets.control
     people = [sockets.dial() for _ in range(10)]
     sockets.poll()

@@ -101,9 +101,7 @@ def test_touched_while_holding_it_holds_where_it_was_left(holding: IdealArm) -> 
 @pytest.mark.parametrize(
     ("torque", "words"), [(2.0, "further than 0.4 rad"), (0.01, "more than 5 s")]
 )
-def test_a_bound_ends_in_holding_and_disarmed(
-    tracking: IdealArm, torque: float, words: str
-) -> None:
+def test_a_bound_ends_guiding_and_disarms(tracking: IdealArm, torque: float, words: str) -> None:
     tracking.touch(torque)
     for _ in range(600):
         tracking.step(**tracking.push(torque))

@@ -82,9 +82,7 @@ def believe(rig: Rig, payload: Payload) -> None:
     rig.tick.loads._recognition.confirmed = True
 
 
-def test_an_unannounced_cup_is_reported_once_and_nothing_is_learned(
-    rig: Rig, tmp_path: Path
-) -> None:
+def test_an_unannounced_load_is_reported_and_not_learned(rig: Rig, tmp_path: Path) -> None:
     rig.run(20.0)
     give(rig, CUP)
     said: list[str] = []
@@ -250,9 +248,7 @@ def until_it_holds(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("torque", [2.5, -2.5])
-def test_a_hand_that_comes_while_an_announced_load_settles_is_detected(
-    rig: Rig, torque: float
-) -> None:
+def test_a_hand_is_detected_while_an_announced_load_settles(rig: Rig, torque: float) -> None:
     """The load that the residual still shows for some 0.1 s covers no touch of a joint."""
     arm_and_give(rig, JUG)
     until_it_holds(rig)
@@ -347,9 +343,7 @@ def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("every", "often"), [(300, True), (600, True), (601, False), (2000, False)]
 )
-def test_a_trajectory_that_is_often_interrupted_is_reported(
-    goes_on: Mode, every: int, often: bool
-) -> None:
+def test_a_trajectory_is_often_interrupted(goes_on: Mode, every: int, often: bool) -> None:
     """Every so many ticks of 10 ms; for as long as it lasts, and no longer."""
     seen, modes = Interruptions(0.01), [goes_on, Mode.ADMITTANCE]
     for _ in range(2):

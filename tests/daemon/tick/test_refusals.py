@@ -136,9 +136,7 @@ def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None
     ("condition", "refused"),
     [(Condition.EMERGENCY, True), (Condition.ADAPTER_GONE, True), (Condition.ERROR_PASSIVE, False)],
 )
-def test_enable_is_refused_while_something_asks_for_a_quick_stop(
-    condition: Condition, refused: bool
-) -> None:
+def test_enable_is_refused_during_a_quick_stop_finding(condition: Condition, refused: bool) -> None:
     off = ideal_arm()
     off.step()
     findings = (Finding(condition, "x"),)

@@ -85,7 +85,7 @@ UNSURE: dict[str, tuple[Flag, int]] = {
 
 
 @pytest.mark.parametrize("name", UNSURE)
-def test_sure_is_what_has_settled(name: str) -> None:
+def test_sensing_is_sure_once_the_residual_has_settled(name: str) -> None:
     flags, unsure = UNSURE[name]
     reported = Reported().tell(ALL, 100)
     sure = [reported.tell(ALL, flags=flags).sensing.sure]
@@ -178,7 +178,7 @@ NEWS: dict[str, tuple[list[tuple[str, int]], list[tuple[int, str]]]] = {
 
 
 @pytest.mark.parametrize("name", NEWS)
-def test_news_of_what_does_not_sense(name: str) -> None:
+def test_notices_of_joints_that_do_not_sense(name: str) -> None:
     story, expected = NEWS[name]
     found = news(*story)
     assert [(tick, notice.text) for tick, notice in found] == expected

@@ -200,9 +200,7 @@ def test_a_contact_is_reported_only_while_the_drives_are_on() -> None:
     assert reported[Mode.OFF] == 0 < reported[Mode.HOLDING]
 
 
-def test_every_field_of_a_record_and_of_its_state_is_filled(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_every_field_of_a_record_and_state_is_filled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Defaults are for recordings and logs that lack a field, not for a tick that forgets it."""
     filled: dict[str, set[str]] = {}
 
@@ -223,9 +221,7 @@ def test_every_field_of_a_record_and_of_its_state_is_filled(
     assert set(State.__struct_fields__) ^ filled["State"] == set()
 
 
-def test_the_controller_gets_the_age_of_each_sample(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_controller_gets_the_age_of_each_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """The elbow's drive is not heard for two ticks, the others are."""
     seen: list[np.ndarray | None] = []
     step = Controller.step
