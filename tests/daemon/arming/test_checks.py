@@ -250,9 +250,8 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     record = replace(calm.last, estimate=estimate, findings=findings)
     objections = (Objection("heartbeats", "no heartbeat"), Objection("set-up", "not set up"))
     found = calm.arming.judge(record, Mode.STOPPING, objections, calm.time_s + 0.03)
-    over = (
-        f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {torque[0] - 1.0:.2f} Nm"
-    )
+    level = torque[0] - 1.0
+    over = f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {level:.2f} Nm"
     assert found.reasons == (
         "the arm is still stopping",
         "too many late ticks (30 ms late)",
@@ -308,9 +307,8 @@ def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
     record = replace(calm.last, sensing=np.array([True]), sensing_since_s=since)
     found = calm.arming.judge(record, Mode.HOLDING, (), record.time_s)
     (said,) = [one.text for one in found.checks if one.name == "estimator"]
-    assert said.startswith(
-        "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"
-    )
+    words = "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"
+    assert said.startswith(words)
 
 
 @pytest.mark.parametrize("lean_Nm", [1.5, -1.5])

@@ -112,12 +112,9 @@ def test_an_identified_value_is_not_listed_as_known_otherwise(tmp_path: Path) ->
 
 
 def test_all_identified_needs_no_known(tmp_path: Path) -> None:
+    text = "gap, friction and thresholds of every joint are identified"
     check = check_parameters(arm(tmp_path, "", *ENTRIES))
-    assert check == Check(
-        name="parameters",
-        passed=True,
-        text="gap, friction and thresholds of every joint are identified",
-    )
+    assert check == Check(name="parameters", passed=True, text=text)
 
 
 @pytest.mark.parametrize(
@@ -150,13 +147,11 @@ def test_text_of_known_is_printed_without_control_characters(tmp_path: Path) -> 
 def test_joints_are_named_where_they_differ() -> None:
     robot = load_robot(DESK_ARM)
     column, swing = robot.configuration.joints
-    c = msgspec.structs.replace(
-        robot.configuration,
-        joints=[
-            msgspec.structs.replace(column, known={"gap": "a\x1b[2Jb", "friction": "maker"}),
-            msgspec.structs.replace(swing, known={"friction": "maker"}),
-        ],
-    )
+    joints = [
+        msgspec.structs.replace(column, known={"gap": "a\x1b[2Jb", "friction": "maker"}),
+        msgspec.structs.replace(swing, known={"friction": "maker"}),
+    ]
+    c = msgspec.structs.replace(robot.configuration, joints=joints)
     check = check_parameters(replace(robot, configuration=c))
     assert not check.passed
     assert "the gap of swing not identified" in check.text
@@ -190,12 +185,8 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         return identified_keys(["joints", 0, *path], c, found)
 
     assert keys("half_gap") == ["joints", "joint", "gap", "half_gap"]
-    assert keys("friction", "gap_viscous") == [
-        *("joints", "joint", "friction", "friction", "gap_viscous")
-    ]
-    assert keys("thresholds", "contact") == [
-        *("joints", "joint", "thresholds", "thresholds", "contact")
-    ]
+    for step, field in (("friction", "gap_viscous"), ("thresholds", "contact")):
+        assert keys(step, field) == ["joints", "joint", step, step, field]
     assert keys("rotor_inertia") == []  # the current did not show it
     assert keys("torque_constant") == []
     assert identified_keys(["urdf"], c, found) == []

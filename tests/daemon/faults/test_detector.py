@@ -76,9 +76,8 @@ def detector() -> FaultDetector:
     settings = DetectorSettings(T, stale_ticks=3, overrun_ticks=5)
     following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
     plausibility = Plausibility(JOINTS, bounds)
-    return FaultDetector(
-        JOINTS, settings, plausibility, Following(following, T), IgnoredSetpoints(two)
-    )
+    followed, ignored = Following(following, T), IgnoredSetpoints(two)
+    return FaultDetector(JOINTS, settings, plausibility, followed, ignored)
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
@@ -352,10 +351,9 @@ def test_a_motor_that_does_not_follow_is_named_while_commanded(detector: FaultDe
     setpoint = np.array([0.0, 0.5])
 
     def ticks(mode: Mode, count: int) -> Found:
-        found = [
-            detect(detector, samples(), mode, setpoint=setpoint, **JUDGED) for _ in range(count)
-        ]
-        return found[-1]
+        for _ in range(count):
+            found = detect(detector, samples(), mode, setpoint=setpoint, **JUDGED)
+        return found
 
     assert ticks(Mode.FAULTED, 2 * TICKS) == ticks(Mode.ENABLING, 2 * TICKS) == []
     # Six setpoints old are those that it may still obey.
@@ -387,9 +385,8 @@ def test_a_reset_takes_the_present_positions_as_right(detector: FaultDetector) -
 
 
 def test_everything_at_once_is_listed(detector: FaultDetector) -> None:
-    taken = samples(
-        Event(Kind.SILENT, "elbow"), fresh=(True, False), age=(0, 9), conditions=(FAILED, ON)
-    )
+    silent = Event(Kind.SILENT, "elbow")
+    taken = samples(silent, fresh=(True, False), age=(0, 9), conditions=(FAILED, ON))
     findings = detector.findings(
         taken,
         Mode.TRACKING,

@@ -186,9 +186,8 @@ def test_a_frozen_encoder(joint: Joint, sign: int) -> None:
     for k in range(1, 100):
         if found := joint.tick(0.0, theta=sign * 0.001 * k):
             break
-    assert found == {
-        Condition.FROZEN: f"while the motor turned by {0.001 * k:.3f} rad, at most {most:.3f}"
-    }
+    turned = f"while the motor turned by {0.001 * k:.3f} rad, at most {most:.3f}"
+    assert found == {Condition.FROZEN: turned}
     assert 0.001 * (k - 1) <= most < 0.001 * k
     joint.theta = 0.001 * (k - 1)
     joint.plausibility.restart()
@@ -292,9 +291,8 @@ def test_a_long_first_interval_allows_more_motion() -> None:
 
 def test_conditions_of_an_energised_arm_are_not_found_while_off(joint: Joint) -> None:
     for k in range(10):
-        found = joint.tick(
-            2.1 + 0.01 * k, theta=2.1 + 0.01 * k, velocity=5.0, current=3.0, residual=9.0
-        )
+        where = 2.1 + 0.01 * k
+        found = joint.tick(where, theta=where, velocity=5.0, current=3.0, residual=9.0)
     assert set(found) == {
         Condition.OVERSPEED,
         Condition.TORQUE_SATURATED,
@@ -311,10 +309,8 @@ def test_each_joint_has_its_own_middle() -> None:
     plausibility = Plausibility(JOINTS, wide)
     nothing = np.zeros(2)
     for q, found in ((2.9, False), (3.04, False), (3.06, True)):
-        at = np.array([q, 0.0])
-        findings = plausibility.step(
-            at, nothing, at, np.full(2, 0.01 * q), nothing, np.full(2, T), True
-        )
+        at, current, gaps = np.array([q, 0.0]), np.full(2, 0.01 * q), np.full(2, T)
+        findings = plausibility.step(at, nothing, at, current, nothing, gaps, True)
         assert findings == (Finding(Condition.JOINT_LIMIT, "shoulder"),) * found
 
 
@@ -365,9 +361,8 @@ def test_every_finding_is_named_with_its_joint_and_figures() -> None:
     plausibility = Plausibility(JOINTS, bounds())
     nothing, far = np.zeros(2), np.array([1.0, -1.5])
     plausibility.step(nothing, nothing, nothing, nothing, nothing, np.full(2, T), True)
-    found = plausibility.step(
-        far, nothing, nothing, nothing, np.array([9.0, 0.0]), np.full(2, T), True
-    )
+    torques, gaps = np.array([9.0, 0.0]), np.full(2, T)
+    found = plausibility.step(far, nothing, nothing, nothing, torques, gaps, True)
     play = f"at most {PLAY:.3f}"
     jump = f"at most {PLAY + SPEED * T:.3f}"
     # As text: figures do not count when findings are compared.

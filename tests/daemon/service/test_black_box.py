@@ -274,9 +274,7 @@ def test_a_helper_that_was_killed_is_restarted_and_saves_the_fault(path, logs, c
         assert not caplog.records
         box.look_after(100.0)
         assert box._helper is not first
-        assert [r.message for r in caplog.records] == [
-            "the black box's helper ended (-9): restarting it"
-        ]
+        assert caplog.messages == ["the black box's helper ended (-9): restarting it"]
         wait_for(lambda: saved(logs))
         (log,) = saved(logs)
         box._helper.kill()

@@ -47,10 +47,8 @@ def bad_gear(written: dict[str, Any]) -> None:
 def test_enable_takes_up_what_was_edited(served: ServedDaemon, arm: Path) -> None:
     edit(arm, softer)
     result = served.contactctl("enable")
-    assert (result.exit_code, result.stdout) == (
-        0,
-        "taking up config.yaml\nholding: drives enabled\n",
-    )
+    assert result.exit_code == 0
+    assert result.stdout == "taking up config.yaml\nholding: drives enabled\n"
     assert gain_of(served) == 0.111
     assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.111"]
 

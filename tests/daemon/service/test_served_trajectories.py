@@ -89,9 +89,8 @@ def test_an_arm_without_a_trajectory_yields_while_it_holds(tmp_path: Path) -> No
         served.run(0.5)
         assert served.rig.mode is Mode.ADMITTANCE
         served.run(3.0)
-        assert re.search(
-            r"contact of \S+ Nm at joint.* \(3 s ago\)", served.contactctl("status").stdout
-        )
+        status = served.contactctl("status").stdout
+        assert re.search(r"contact of \S+ Nm at joint.* \(3 s ago\)", status)
 
 
 def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
@@ -188,11 +187,9 @@ def test_a_program_loads_and_starts(on: ServedDaemon, client: Client) -> None:
 def test_a_bad_row_is_reported_with_its_number(
     served: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
-    velocities = [[0.0] * len(q) for q in positions]
+    velocities, times = [[0.0] * len(q) for q in positions], [0.0, 1.0, 2.0]
     with pytest.raises(TrajectoryError, match=words) as caught:
-        served.until(
-            lambda: client.load_trajectory(["joint"], [0.0, 1.0, 2.0], positions, velocities)
-        )
+        served.until(lambda: client.load_trajectory(["joint"], times, positions, velocities))
     assert caught.value.row == row
     with pytest.raises(TrajectoryError, match="no joint `elbow`; there are: joint"):
         served.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))

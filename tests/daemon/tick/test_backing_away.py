@@ -49,9 +49,8 @@ def test_it_does_not_back_away_from_friction(seed: int, joint: int, factor: floa
 
 def test_it_stays_where_it_stopped_without_a_hand() -> None:
     """A spring below the stated level stops it, and its links coast through their gaps."""
-    watched = working(
-        7028, Change("spring", 1, -0.3802741689783206, 0.0, 0.07628632058496188), "ripple"
-    )
+    spring = Change("spring", 1, -0.3802741689783206, 0.0, 0.07628632058496188)
+    watched = working(7028, spring, "ripple")
     watched.run(23.155)
     watched.there = True
     watched.run(20.0)

@@ -1,4 +1,4 @@
-"""An arm that does not sense contact at some joint, in lockstep: what it does, and what it says."""
+"""An arm that does not sense contact at some joint, in lockstep: its reactions and notices."""
 
 import itertools
 from collections.abc import Iterator
@@ -24,10 +24,9 @@ T = 0.01
 
 
 def patient(c: Configuration) -> Configuration:
-    """Missing samples alone are no fault: what is left is that their joint senses nothing."""
-    return msgspec.structs.replace(
-        c, supervisor=msgspec.structs.replace(c.supervisor, stale_ticks=200)
-    )
+    """Missing samples alone are no fault; their joint senses nothing."""
+    supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=200)
+    return msgspec.structs.replace(c, supervisor=supervisor)
 
 
 class Losses:

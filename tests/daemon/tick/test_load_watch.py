@@ -331,10 +331,8 @@ def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
     assert not rig.tick.carry(CUP, "the test")
     loads = rig.tick.loads
     loads._pull.mass = 0.3
-    assert (
-        "like some 0.3 kg more than the 0.5 kg announced: if it is a load, `contactctl p"
-        in loads.hint
-    )
+    words = "like some 0.3 kg more than the 0.5 kg announced: if it is a load, `contactctl p"
+    assert words in loads.hint
     believe(rig, CUP)  # recognised: that is said instead
     assert not loads.hint
 

@@ -126,9 +126,8 @@ def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None
     off.q = np.array([0.0, 1.2])
     off.step()
     assert off.request(Event.ENABLE)[0].startswith("b stands at 1.200 rad, more than 0 outside")
-    assert off.request(Event.START) == [
-        "cannot start: the drives are off (`contactctl enable` first)"
-    ]
+    (reason,) = off.request(Event.START)
+    assert reason == "cannot start: the drives are off (`contactctl enable` first)"
     assert off.mode is Mode.OFF
 
 
@@ -140,9 +139,8 @@ def test_enable_is_refused_during_a_quick_stop_finding(condition: Condition, ref
     off = ideal_arm()
     off.step()
     findings = (Finding(condition, "x"),)
-    observed = ControlInput(
-        off.q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", (OFF, OFF), findings
-    )
+    zero = np.zeros(2)
+    observed = ControlInput(off.q, zero, zero, zero, "", "", (OFF, OFF), findings)
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF
