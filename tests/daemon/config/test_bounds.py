@@ -1,4 +1,4 @@
-"""Bounds of physics: what would make the arm feel nothing is refused, nothing gets round."""
+"""Physical bounds: values with which the arm would not detect contact are refused, all of them."""
 
 import re
 import shutil
@@ -235,9 +235,9 @@ def configurations(draw: st.DrawFn) -> Configuration:
     return msgspec.structs.replace(c, joints=[joint], estimator=settings_)
 
 
-def feels(c: Configuration) -> bool:
-    """True if the estimator, built from the configuration, feels what it must: half of the motor's
-    torque in motion after 0.15 s of twice the level, all of it at rest."""
+def detects(c: Configuration) -> bool:
+    """True if the estimator, built from the configuration, detects half of the motor's torque in
+    motion after 0.15 s of twice the level, and all of it at rest."""
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.model)
     motor = joint.torque_constant * joint.wiring.max_current_A
@@ -260,7 +260,7 @@ def feels(c: Configuration) -> bool:
 @given(c=configurations())
 def test_an_accepted_arm_detects_contact(c: Configuration) -> None:
     if not beyond(c, ROBOT.model):
-        assert feels(c)
+        assert detects(c)
 
 
 @given(path=st.sampled_from(FIELDS[:-1]), factor=st.floats(1.01, 1e9))
@@ -287,14 +287,14 @@ def test_a_current_of_no_motor(times: float, refused: bool) -> None:
 
 
 def test_the_check_can_fail() -> None:
-    """`feels` knows an arm that does not."""
+    """`detects` is false for an arm that does not."""
     joint = changed(ROBOT.configuration.joints[0], ("thresholds", "contact"), 800.0)
     joint = changed(joint, ("thresholds", "collision"), 900.0)
     c = msgspec.structs.replace(ROBOT.configuration, joints=[joint])
-    assert not feels(c)
+    assert not detects(c)
     slow = msgspec.structs.replace(ROBOT.configuration.estimator, gain=3.0)
-    assert not feels(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
-    assert feels(ROBOT.configuration)
+    assert not detects(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
+    assert detects(ROBOT.configuration)
 
 
 @pytest.mark.parametrize("period_ms", [1, 4, 10, 20, 40, 50, 100])

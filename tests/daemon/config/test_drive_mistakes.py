@@ -1,4 +1,4 @@
-"""Likely mistakes about a drive, by what its EDS says of the objects."""
+"""Likely mistakes about a drive, found by its EDS."""
 
 from pathlib import Path
 

@@ -291,7 +291,7 @@ def test_stop_on_error_does_nothing_without_an_exception(on: BreakableArm) -> No
 
 @on_every_make
 def test_a_fault_soon_after_a_reset_is_a_fault(on: BreakableArm) -> None:
-    """The patience with drives that are asked for a fault reset ends when they are enabled."""
+    """The time that drives have for a fault reset ends when they are enabled."""
     on.make.speech.fail(on)
     on.run(0.05)
     on.until(Mode.OFF, Event.RESET)

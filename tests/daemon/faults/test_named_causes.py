@@ -1,4 +1,4 @@
-"""Causes on the bus that stand behind what is found first: said beside it, with who it is."""
+"""Causes on the bus behind the condition that is found first: named beside it, with the drive."""
 
 from collections.abc import Iterator
 
@@ -90,7 +90,7 @@ def test_a_supply_that_is_off_while_the_arm_is_off_is_no_fault(on: BreakableArm)
     going.close()  # type: ignore[attr-defined]
 
 
-def deafen(on: BreakableArm) -> None:
+def silence_sdo(on: BreakableArm) -> None:
     on.simulated.on_sdo = lambda data: None  # type: ignore[method-assign]
 
 
@@ -100,7 +100,7 @@ def test_arming_without_sdo_answers_is_refused_with_the_drive(on: BreakableArm) 
     on.run(1.2)
     assert on.rig.permit() == []
     on.rig.tick.controller.disarm("the bench", on.rig.time_s)
-    deafen(on)
+    silence_sdo(on)
     on.run(5.5)
     assert on.rig.mode is Mode.HOLDING
     (reason,) = on.rig.permit()
@@ -111,7 +111,7 @@ def test_arming_without_sdo_answers_is_refused_with_the_drive(on: BreakableArm) 
 
 
 def test_a_drive_without_sdo_answers_is_named_by_enable(on: BreakableArm) -> None:
-    deafen(on)
+    silence_sdo(on)
     (reason,) = on.rig.ask(Event.ENABLE)
     assert f"node {on.drive.node} ({on.drive.name}) does not answer (SDO timeout" in reason
     assert on.rig.mode is Mode.OFF

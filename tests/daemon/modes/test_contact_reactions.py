@@ -150,7 +150,7 @@ def test_a_contact_during_a_return_restarts_the_quiet_time(tracking: Make) -> No
     np.testing.assert_allclose(arm.q, left, atol=0.011)  # where it was left at first
 
 
-def test_touched_while_holding_it_does_not_return(tracking: Make) -> None:
+def test_touched_while_holding_it_does_not_return() -> None:
     arm = holding_arm(after_quiet=AfterQuiet.RETURN)
     arm.controller.arm("me")
     guided(arm)
@@ -177,7 +177,7 @@ def test_an_arm_that_cannot_get_back_stops_and_is_disarmed(tracking: Make) -> No
 
 @pytest.mark.parametrize("after", [AfterQuiet.RESUME, AfterQuiet.HOLD])
 def test_a_biased_residual_moves_the_arm_to_its_bound_and_no_further(after: AfterQuiet) -> None:
-    """It feels a push for half a second, then nothing for longer than the quiet time, and again."""
+    """A push is detected for half a second, then none for longer than the quiet time, and again."""
     arm = holding_arm(after_quiet=after, bounds=NEAR)
     start = arm.q.copy()
     assert arm.controller.arm("me") == []
@@ -204,7 +204,7 @@ def test_quiet_ticks_do_not_renew_the_duration(tracking: Make) -> None:
     assert arm.time_s - begun == pytest.approx(5.0, abs=0.1)
 
 
-def test_backing_away_again_and_again_is_bounded_too(tracking: Make) -> None:
+def test_backing_away_again_and_again_is_bounded_too() -> None:
     arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=NEAR)
     start = arm.q.copy()
     arm.controller.arm("me")
@@ -217,7 +217,7 @@ def test_backing_away_again_and_again_is_bounded_too(tracking: Make) -> None:
     assert arm.q[0] - start[0] == pytest.approx(0.4, abs=0.03)
 
 
-def test_leading_to_and_fro_exceeds_no_bound(tracking: Make) -> None:
+def test_leading_to_and_fro_exceeds_no_bound() -> None:
     arm = holding_arm(bounds=NEAR)
     arm.controller.arm("me")
     for i in range(20):

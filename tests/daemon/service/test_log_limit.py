@@ -1,4 +1,4 @@
-"""A log that no client can fill, and that still says who did what."""
+"""Limit of the log: no client can fill it, and it still names each command and its sender."""
 
 import re
 

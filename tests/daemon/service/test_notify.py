@@ -18,7 +18,7 @@ Connect = Callable[..., Notifier]
 
 @pytest.fixture(params=["path", "abstract"])
 def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[socket.socket]:
-    """A receiving socket; `address_of` says how $NOTIFY_SOCKET would name it."""
+    """A receiving socket; `address_of` gives its name as in $NOTIFY_SOCKET."""
     name = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as receiver:
         receiver.bind("\0" + name if request.param == "abstract" else name)

@@ -1,4 +1,4 @@
-"""docs/playback.md: led by hand, recorded, brought back, and played, as the page says."""
+"""Playback as in docs/playback.md: led by hand, recorded, moved back, and played."""
 
 import re
 import threading

@@ -50,7 +50,13 @@ def test_enable_takes_up_what_was_edited(served: ServedDaemon, arm: Path) -> Non
     assert result.exit_code == 0
     assert result.stdout == "taking up config.yaml\nholding: drives enabled\n"
     assert gain_of(served) == 0.111
-    assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.111"]
+    assert served.contactctl("gain", "joint").stdout.split() == [
+        "joint",
+        "0.111",
+        "rad/s",
+        "per",
+        "Nm",
+    ]
 
 
 MASSES = (
@@ -115,7 +121,7 @@ def test_a_change_of_each_file_is_found(served: ServedDaemon, arm: Path, name: s
 
 @pytest.mark.parametrize("ends", [b"\r", b"\r\r\n", b"\r\n"])
 def test_line_ends_of_every_kind_are_read(served: ServedDaemon, arm: Path, ends: bytes) -> None:
-    """A second reading says what was read, or no client could ever enable."""
+    """A second reading finds no change, or no client could ever enable."""
     edit(arm, softer)
     path = arm / "config.yaml"
     path.write_bytes(path.read_bytes().replace(b"\n", ends))

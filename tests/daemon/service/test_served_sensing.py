@@ -1,4 +1,4 @@
-"""Joints that sense contact, and what they feel, as the daemon's status says it."""
+"""Joints that sense contact, and their smallest touch, in the daemon's status."""
 
 import json
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from drivers.canopen.codec import transmit_pdos
 
 
 def patient(c: Configuration) -> Configuration:
-    """Missing samples alone are no fault: what is left is that their joint senses nothing."""
+    """Missing samples alone are no fault; their joint senses nothing."""
     supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=200)
     return msgspec.structs.replace(c, supervisor=supervisor)
 

@@ -122,8 +122,6 @@ def test_the_helper_is_checked_only_while_the_arm_rests_disarmed(served: ServedD
         def look_after(self, _: float) -> None:
             seen.append(served.rig.mode)
 
-        def tell(self, fault: str) -> None: ...
-
     served.service.black_box = Box()
     served.run(3.0)
     served.rig.enable()

@@ -128,12 +128,12 @@ def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: fl
         rig.run(0.2)
         held = clamps.felt(clamp)
         assert rig.mode is Mode.RELEASING
-        # More than the clamp: what the elbow feels turns round.
+        # More than the clamp: the torque on the elbow changes its sign.
         behind = held + torque if joint == ELBOW else torque
         rig.arm.external_torque[joint] = clamp.side * behind
         pressed_s = rig.time_s
         rig.run(0.3)
-        # What turns round at one joint passes through zero.
+        # A torque that changes its sign at one joint passes through zero.
         ends = {
             ELBOW: r"let go of contact at LElbowRoll \(",
             SHOULDER: r"pressed from elsewhere while it let go: contact of \S+ Nm at LShoulder",

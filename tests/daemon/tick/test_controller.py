@@ -197,7 +197,7 @@ def test_a_fault_stops_all_drives_until_reset(tracking: IdealArm) -> None:
     assert decision.power == (PowerTarget.QUICK_STOP,) * 2
     assert not decision.velocity.any()
     tracking.request(Event.RESET)
-    assert tracking.step(findings=fault).reset  # patience: the drive may still be in fault
+    assert tracking.step(findings=fault).reset  # the drive may still be in fault
     assert tracking.mode is Mode.OFF
     tracking.run(0.6, findings=fault)
     assert tracking.mode is Mode.FAULTED

@@ -333,7 +333,7 @@ def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
     loads._pull.mass = 0.3
     words = "like some 0.3 kg more than the 0.5 kg announced: if it is a load, `contactctl p"
     assert words in loads.hint
-    believe(rig, CUP)  # recognised: that is said instead
+    believe(rig, CUP)  # recognised: that is reported instead
     assert not loads.hint
 
 

@@ -23,7 +23,7 @@ def holding() -> IdealArm:
 
 
 def arm_in(mode: Mode) -> IdealArm:
-    """Brought there by what a person does and the arm feels."""
+    """Arm that commands and contacts have brought into the mode."""
     letting_go = mode is Mode.RELEASING
     collision = ContactReaction.RELEASE if letting_go else ContactReaction.RETRACT
     reactions = Reactions(ContactReaction.ADMITTANCE, collision)
@@ -76,7 +76,7 @@ def test_every_command_in_every_mode(mode: Mode, command: str) -> None:
     [(m, c) for m, c in product(Mode, ("start", "arm", "enable", "pause", "disable", "reset"))],
 )
 def test_advice_is_given_only_where_it_leads_to_what_was_asked(mode: Mode, command: str) -> None:
-    """A person who does what a refusal says is not refused in the same way again."""
+    """A command that follows the advice of a refusal is not refused in the same way again."""
 
     def ask() -> list[str]:
         return arm.controller.arm("me") if command == "arm" else arm.request(Event(command))

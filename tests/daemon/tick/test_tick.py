@@ -221,7 +221,7 @@ def test_every_field_of_a_record_and_state_is_filled(monkeypatch: pytest.MonkeyP
 
 
 def test_the_controller_gets_the_age_of_each_sample(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The elbow's drive is not heard for two ticks, the others are."""
+    """Frames of the elbow's drive are missing for two ticks."""
     seen: list[np.ndarray | None] = []
     step = Controller.step
 
