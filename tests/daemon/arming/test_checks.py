@@ -58,7 +58,7 @@ def failing(result: ArmingResult) -> list[str]:
     return [check.name for check in result.checks if not check.passed]
 
 
-def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
+def test_every_check_passes_at_rest_with_its_text(calm: Rig) -> None:
     found = checks(calm)
     assert list(found) == ["mode", *NAMES]
     assert failed(calm) == []
@@ -132,7 +132,7 @@ def often_late(rig: Rig) -> None:
         (often_late, {"loop"}, "3 ticks were late"),
     ],
 )
-def test_what_goes_wrong_fails_by_name(
+def test_a_disturbance_fails_its_checks_by_name(
     rig: Rig, disturb: Callable[[Rig], None], names: set[str], words: str
 ) -> None:
     disturb(rig)
@@ -142,7 +142,7 @@ def test_what_goes_wrong_fails_by_name(
     assert rig.permit("the test")
 
 
-def test_now_and_then_a_tick_may_be_late(rig: Rig) -> None:
+def test_a_late_tick_every_half_second_fails_no_check(rig: Rig) -> None:
     for _ in range(4):
         late(rig)
         assert failed(rig) == []  # nor in the tick itself
@@ -193,7 +193,7 @@ def test_a_missing_heartbeat(calm: Rig) -> None:
     ("passed", "text"),
     [(False, "identified.yaml is of other drives"), (True, "identified.yaml of 2026-11-20")],
 )
-def test_the_identification_is_checked_elsewhere(passed: bool, text: str) -> None:
+def test_the_check_of_the_identification_is_taken_over(passed: bool, text: str) -> None:
     check = Check(name="identification", passed=passed, text=text)
     with lockstep_rig(SINGLE_JOINT, identification=lambda *_: check) as rig:
         rig.enable()
@@ -250,9 +250,8 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     record = replace(calm.last, estimate=estimate, findings=findings)
     objections = (Objection("heartbeats", "no heartbeat"), Objection("set-up", "not set up"))
     found = calm.arming.judge(record, Mode.STOPPING, objections, calm.time_s + 0.03)
-    over = (
-        f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {torque[0] - 1.0:.2f} Nm"
-    )
+    level = torque[0] - 1.0
+    over = f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {level:.2f} Nm"
     assert found.reasons == (
         "the arm is still stopping",
         "too many late ticks (30 ms late)",
@@ -308,13 +307,12 @@ def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
     record = replace(calm.last, sensing=np.array([True]), sensing_since_s=since)
     found = calm.arming.judge(record, Mode.HOLDING, (), record.time_s)
     (said,) = [one.text for one in found.checks if one.name == "estimator"]
-    assert said.startswith(
-        "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"
-    )
+    words = "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"
+    assert said.startswith(words)
 
 
 @pytest.mark.parametrize("lean_Nm", [1.5, -1.5])
-def test_who_leans_on_the_arm_while_it_is_enabled_cannot_arm_it(lean_Nm: float) -> None:
+def test_arming_is_refused_while_a_person_leans_on_the_arm(lean_Nm: float) -> None:
     """Its residuals are put to zero as it begins to hold. What presses must show before it may be
     armed, and then speaks against it: whenever one asks."""
     with lockstep_rig() as rig:

@@ -1,4 +1,4 @@
-"""Bounds of physics: what would make the arm feel nothing is refused, nothing gets round."""
+"""Physical bounds: values with which the arm would not detect contact are refused, all of them."""
 
 import re
 import shutil
@@ -150,7 +150,7 @@ def edited(tmp_path: Path, folder: Path, file: str, pattern: str, new: str) -> P
 
 
 @pytest.mark.parametrize("name", NOT_SENSING)
-def test_what_makes_an_arm_deaf_is_refused(name: str, tmp_path: Path) -> None:
+def test_a_value_with_which_contact_is_not_detected_is_refused(name: str, tmp_path: Path) -> None:
     folder, file, pattern, new, where, words = NOT_SENSING[name]
     arm = edited(tmp_path, folder, file, pattern, new)
     with pytest.raises(ConfigurationError) as caught:
@@ -179,7 +179,7 @@ def test_a_frame_needs_no_inertial(tmp_path: Path) -> None:
     load_robot(edited(tmp_path, SINGLE_JOINT, "arm.urdf", "</robot>", tool))
 
 
-def test_what_was_identified_is_bounded_with_its_own_line(tmp_path: Path) -> None:
+def test_an_identified_value_is_refused_with_its_own_line(tmp_path: Path) -> None:
     gap = "gap: {date: d, log: l, half_gap: 0.3, confidence: 0.0}"
     arm = edited(tmp_path, SINGLE_JOINT, "identified.yaml", "gap: null", gap)
     with pytest.raises(ConfigurationError) as caught:
@@ -235,9 +235,9 @@ def configurations(draw: st.DrawFn) -> Configuration:
     return msgspec.structs.replace(c, joints=[joint], estimator=settings_)
 
 
-def feels(c: Configuration) -> bool:
-    """True if the estimator, built from the configuration, feels what it must: half of the motor's
-    torque in motion after 0.15 s of twice the level, all of it at rest."""
+def detects(c: Configuration) -> bool:
+    """True if the estimator, built from the configuration, detects half of the motor's torque in
+    motion after 0.15 s of twice the level, and all of it at rest."""
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.model)
     motor = joint.torque_constant * joint.wiring.max_current_A
@@ -258,13 +258,13 @@ def feels(c: Configuration) -> bool:
 
 
 @given(c=configurations())
-def test_an_arm_that_is_accepted_feels(c: Configuration) -> None:
+def test_an_accepted_arm_detects_contact(c: Configuration) -> None:
     if not beyond(c, ROBOT.model):
-        assert feels(c)
+        assert detects(c)
 
 
 @given(path=st.sampled_from(FIELDS[:-1]), factor=st.floats(1.01, 1e9))
-def test_no_figure_alone_gets_beyond_its_bound(path: tuple[str, ...], factor: float) -> None:
+def test_a_single_value_beyond_its_bound_is_found(path: tuple[str, ...], factor: float) -> None:
     joint = ROBOT.configuration.joints[0]
     where = f"joints[0] (joint).{'.'.join(path)}"
     bounds = [b for b in bounded(ROBOT.configuration, ROBOT.model) if b.where == where]
@@ -287,18 +287,18 @@ def test_a_current_of_no_motor(times: float, refused: bool) -> None:
 
 
 def test_the_check_can_fail() -> None:
-    """`feels` knows an arm that does not."""
+    """`detects` is false for an arm that does not."""
     joint = changed(ROBOT.configuration.joints[0], ("thresholds", "contact"), 800.0)
     joint = changed(joint, ("thresholds", "collision"), 900.0)
     c = msgspec.structs.replace(ROBOT.configuration, joints=[joint])
-    assert not feels(c)
+    assert not detects(c)
     slow = msgspec.structs.replace(ROBOT.configuration.estimator, gain=3.0)
-    assert not feels(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
-    assert feels(ROBOT.configuration)
+    assert not detects(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
+    assert detects(ROBOT.configuration)
 
 
 @pytest.mark.parametrize("period_ms", [1, 4, 10, 20, 40, 50, 100])
-def test_a_period_that_is_deaf_for_long_is_reported(period_ms: int) -> None:
+def test_a_period_with_long_gaps_of_sensing_is_reported(period_ms: int) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
     warnings = [p.what for p in near(c, robot.model) if p.where == "period_ms"]

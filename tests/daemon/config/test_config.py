@@ -59,9 +59,7 @@ def test_a_broken_configuration_is_refused(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", BROKEN_URDF)
-def test_a_broken_urdf_is_refused(
-    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_refuses_broken_urdf(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pattern, new, words = BROKEN_URDF[name]
     path, urdf = edited(tmp_path), tmp_path / "arm.urdf"
     text, count = re.subn(pattern, new, urdf.read_text())
@@ -74,7 +72,7 @@ def test_a_broken_urdf_is_refused(
     assert capfd.readouterr().err == ""  # where the parser would have its say
 
 
-def test_of_a_file_that_is_something_else_only_the_beginning_is_shown(tmp_path: Path) -> None:
+def test_only_the_beginning_of_a_foreign_file_is_shown(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text("<robot> " + "many words " * 1000)
     message = refusal(path)
@@ -82,7 +80,7 @@ def test_of_a_file_that_is_something_else_only_the_beginning_is_shown(tmp_path: 
     assert len(message) < 200 + len(str(path))
 
 
-def test_limits_that_are_swapped_accuse_nothing_else(tmp_path: Path) -> None:
+def test_swapped_limits_are_the_only_error_reported(tmp_path: Path) -> None:
     """Neither counts, nor the swing of a sinusoid, nor a pose between them."""
     path = edited(
         tmp_path,
@@ -160,13 +158,13 @@ def test_a_missing_file_is_named(name: str, tmp_path: Path) -> None:
         ("name: x\x01\n", ":1: the character U+0001 is not allowed"),
     ],
 )
-def test_what_is_no_configuration_at_all(text: str, words: str, tmp_path: Path) -> None:
+def test_text_that_is_no_configuration_is_refused(text: str, words: str, tmp_path: Path) -> None:
     path = edited(tmp_path)
     path.write_text(text)
     assert words in refusal(path).removeprefix(str(path))
 
 
-def test_a_folder_that_no_one_can_look_into() -> None:
+def test_a_path_that_cannot_be_read_is_named() -> None:
     path = Path("x" * 300)
     assert refusal(path) == f"{path}: cannot be read: File name too long"
 
@@ -186,9 +184,7 @@ def test_text_that_is_not_utf_8(tmp_path: Path) -> None:
         (None, "move.csv: cannot be read: No such file"),
     ],
 )
-def test_a_trajectory_file_is_judged_with_the_configuration(
-    tmp_path: Path, text: str | None, words: str
-) -> None:
+def test_a_trajectory_file_is_checked(tmp_path: Path, text: str | None, words: str) -> None:
     folder = tmp_path / "robot"
     shutil.copytree(ROMEO, folder)
     config = folder / "config.yaml"

@@ -29,7 +29,7 @@ def entries(joint: Joint, profile: CanopenProfile, margin: float = 1.0) -> list[
     return [its.at[0] for its, _ in unrepresentable(joint, profile, margin)]
 
 
-def test_what_is_shipped_fits() -> None:
+def test_the_shipped_arm_fits() -> None:
     for each in ROBOT.joints:
         assert entries(each, PROFILE, ROBOT.supervisor.speed_margin) == []
 
@@ -53,9 +53,7 @@ def test_positions_of_an_encoder_without_sign() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("entry", ["motor_velocity", "target_velocity"])
 @pytest.mark.parametrize(("velocity", "fits"), [(1.27, True), (1.29, False)])
-def test_velocities_are_those_of_the_motor(
-    entry: str, velocity: float, fits: bool, sign: int
-) -> None:
+def test_velocities_of_the_motor(entry: str, velocity: float, fits: bool, sign: int) -> None:
     eight_bits = profile(entry, type="INTEGER8", scale=0.1)
     assert entries(joint(velocity=velocity, sign=sign), eight_bits) == ([] if fits else [entry])
 

@@ -56,9 +56,16 @@ def place(tmp_path: Path) -> Path:
     (place / "identified.yaml").unlink()
     edit(place / "config.yaml", r"(?m)^ *known:.*\n", "")
     for step, entry in ENTRIES.items():
-        found = merged(load_robot(place), step, {"joint": entry}, {"joint": 1})
-        write_identified(place / "identified.yaml", found)
+        identify(place, step, entry)
     return place
+
+
+def identify(place: Path, step: ArmingStep, entry: Entry) -> None:
+    """Write the entry of the step for every joint into identified.yaml."""
+    robot = load_robot(place)
+    names = robot.configuration.joint_names
+    found = merged(robot, step, dict.fromkeys(names, entry), dict.fromkeys(names, 1))
+    write_identified(place / "identified.yaml", found)
 
 
 def void(robot: Robot) -> set[str]:
@@ -94,9 +101,7 @@ def test_a_change_voids_what_depends_on_it(
 
 
 @pytest.mark.parametrize("step", ENTRIES)
-def test_a_void_value_in_use_is_not_armed_with_because_another_is_stated(
-    place: Path, step: ArmingStep
-) -> None:
+def test_a_stated_value_does_not_make_a_void_one_valid(place: Path, step: ArmingStep) -> None:
     """Values stated in config.yaml win over identified levels alone."""
     known = rf"\1known: {{{step}: maker}}\n\1half_gap:"
     edit(place / "config.yaml", "( *)half_gap:", known)
@@ -107,15 +112,14 @@ def test_a_void_value_in_use_is_not_armed_with_because_another_is_stated(
     assert void(robot) == ALL - ({step} & {"wiring", "thresholds"})
 
 
-def test_an_encoder_is_not_corrected_as_one_of_before(place: Path) -> None:
+def test_a_correction_of_an_encoder_is_void_after_a_change(place: Path) -> None:
     correction = [Harmonic(order=1, cosine=0.04)]
     encoders = EncodersEntry(**DAY, link_correction=correction, left=0.3)
     for gear, step, entry in (
         (77.0, "encoders", encoders), *((78.0, *one) for one in ENTRIES.items())
     ):  # fmt: skip
         edit(place / "config.yaml", r"gear: [\d.]+", f"gear: {gear}")
-        found = merged(load_robot(place), step, {"joint": entry}, {"joint": 1})
-        write_identified(place / "identified.yaml", found)
+        identify(place, step, entry)
     robot = load_robot(place)
     assert robot.configuration.joints[0].wiring.link_correction == correction
     (reason,) = parameters_missing(robot.identified, robot.configuration, robot.urdf)
@@ -125,8 +129,8 @@ def test_an_encoder_is_not_corrected_as_one_of_before(place: Path) -> None:
     assert outdated("encoders", robot.identified, robot.configuration, robot.urdf) == []
 
 
-def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
-    """With the old masses the old friction is right again."""
+def test_a_void_step_is_asked_for_and_valid_again_when_the_change_is_undone(place: Path) -> None:
+    """Friction that was identified with the old masses holds for these."""
     before = (place / "arm.urdf").read_text()
     edit(place / "arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05")
     robot = load_robot(place)
@@ -134,22 +138,18 @@ def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
     assert "the masses of joint identified before" in masses
     assert "the friction of joint identified before" in friction
     assert "`contactd identify thresholds` again" in levels
-    found = merged(robot, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1})
-    write_identified(place / "identified.yaml", found)
+    identify(place, "gap", ENTRIES["gap"])
     (place / "arm.urdf").write_text(before)
     assert void(load_robot(place)) == set()
 
 
-def test_a_file_of_before_is_valid_as_a_whole_and_marked_when_it_is_written(place: Path) -> None:
+def test_an_older_file_is_valid_as_a_whole_until_it_is_written_again(place: Path) -> None:
     robot = load_robot(place)
     digest = fingerprint(robot.configuration, robot.urdf)
     assert robot.identified is not None
     old = robot.identified.joints["joint"]
-    without = {step: ENTRIES[step] for step in ENTRIES}
-    joint = type(old)(serial=1, **without)
-    write_identified(
-        place / "identified.yaml", Identified(configuration=digest, joints={"joint": joint})
-    )
+    whole = Identified(configuration=digest, joints={"joint": type(old)(serial=1, **ENTRIES)})
+    write_identified(place / "identified.yaml", whole)
     robot = load_robot(place)
     assert void(robot) == set()
     again = merged(robot, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1})
@@ -175,10 +175,7 @@ def commissioned(folder: Path) -> Path:
         "friction": FrictionEntry(**DAY, friction=rub, errors={}, r2=1.0, condition=1.0),
         "thresholds": ThresholdsEntry(**DAY, thresholds=low, per_hour=1.0, largest=0.3),
     }.items():
-        robot = load_robot(place)
-        names = robot.configuration.joint_names
-        found = merged(robot, step, dict.fromkeys(names, entry), dict.fromkeys(names, 1))
-        write_identified(place / "identified.yaml", found)
+        identify(place, step, entry)
     return place
 
 
@@ -228,7 +225,7 @@ def test_a_change_at_one_joint_voids_the_wiring_of_that_joint_alone(
         ("arm.urdf", r'(<axis xyz=")[^"]+', r"\g<1>1 0 0", WIRED),
     ],
 )
-def test_what_all_joints_share_voids_all(
+def test_a_change_that_all_joints_share_voids_all(
     tmp_path: Path, file: str, pattern: str, new: str, steps: tuple[str, ...]
 ) -> None:
     place = commissioned(tmp_path)
@@ -239,9 +236,7 @@ def test_what_all_joints_share_voids_all(
         assert void == robot.configuration.joint_names
 
 
-def test_older_marks_of_the_whole_arm_hold_until_a_change_and_become_marks_of_joints(
-    tmp_path: Path,
-) -> None:
+def test_older_marks_of_the_whole_arm_hold_until_a_change(tmp_path: Path) -> None:
     place = commissioned(tmp_path)
     robot = load_robot(place)
     assert robot.identified is not None

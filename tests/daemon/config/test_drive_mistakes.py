@@ -1,4 +1,4 @@
-"""Likely mistakes about a drive, by what its EDS says of the objects."""
+"""Likely mistakes about a drive, found by its EDS."""
 
 from pathlib import Path
 
@@ -21,9 +21,8 @@ def said(folder: Path, times: float, sheet) -> list[tuple[str, ...]]:
     profile = c.drives[PROFILE]
     scale = times * profile.link_position.scale
     link = msgspec.structs.replace(profile.link_position, scale=scale)
-    c = msgspec.structs.replace(
-        c, drives={PROFILE: msgspec.structs.replace(profile, link_position=link)}
-    )
+    changed = msgspec.structs.replace(profile, link_position=link)
+    c = msgspec.structs.replace(c, drives={PROFILE: changed})
     return [tuple(map(str, problem.keys[2:])) for problem in drive_mistakes(c, PROFILE, sheet)]
 
 

@@ -97,7 +97,7 @@ def test_a_small_file_is_known_at_once(tmp_path: Path) -> None:
     assert found.changed() == [path.name]
 
 
-def test_one_that_is_written_again_meanwhile_is_read_anew(tmp_path: Path) -> None:
+def test_a_file_written_again_during_the_comparison_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
     path.write_bytes(LARGE)
     found = files_of(tmp_path, path.name)
@@ -109,7 +109,7 @@ def test_one_that_is_written_again_meanwhile_is_read_anew(tmp_path: Path) -> Non
     assert found.changed() == []
 
 
-def test_of_two_one_waits_for_the_other(tmp_path: Path) -> None:
+def test_two_large_files_are_compared_one_after_the_other(tmp_path: Path) -> None:
     names = ["a.csv", "b.csv"]
     for name in names:
         (tmp_path / name).write_bytes(LARGE)

@@ -106,18 +106,15 @@ def test_a_wiring_that_is_known_makes_no_other_drive_this_one(
     assert against == [f"joint was identified on drive 1, this is drive {drive}"] * refused
 
 
-def test_what_is_identified_is_not_known_otherwise(tmp_path: Path) -> None:
+def test_an_identified_value_is_not_listed_as_known_otherwise(tmp_path: Path) -> None:
     robot = arm(tmp_path, "{gap: of the data sheet, friction: by the maker}", "gap", "thresholds")
     assert check_parameters(robot).text == "known otherwise: friction of all: by the maker"
 
 
-def test_nothing_known_otherwise(tmp_path: Path) -> None:
+def test_all_identified_needs_no_known(tmp_path: Path) -> None:
+    text = "gap, friction and thresholds of every joint are identified"
     check = check_parameters(arm(tmp_path, "", *ENTRIES))
-    assert check == Check(
-        name="parameters",
-        passed=True,
-        text="gap, friction and thresholds of every joint are identified",
-    )
+    assert check == Check(name="parameters", passed=True, text=text)
 
 
 @pytest.mark.parametrize(
@@ -129,20 +126,20 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
         ("{gap: true}", "must be text, not true"),
     ],
 )
-def test_it_must_be_said_how(known: str, words: str, tmp_path: Path) -> None:
+def test_an_invalid_statement_of_known_is_refused(known: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError) as caught:
         arm(tmp_path, known)
     assert words in str(caught.value)
 
 
 @pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
-def test_every_shipped_arm_says_how(folder: Path) -> None:
+def test_every_shipped_arm_states_how_its_values_are_known(folder: Path) -> None:
     check = check_parameters(load_robot(folder))
     assert check.passed
     assert check.text.startswith("known otherwise: gap of all: as simulated")
 
 
-def test_what_was_written_cannot_speak_to_a_terminal(tmp_path: Path) -> None:
+def test_text_of_known_is_printed_without_control_characters(tmp_path: Path) -> None:
     robot = arm(tmp_path, '{gap: "\\e[2J"}', "wiring", "friction", "thresholds")
     assert "gap of all: ?[2J" in check_parameters(robot).text
 
@@ -150,13 +147,11 @@ def test_what_was_written_cannot_speak_to_a_terminal(tmp_path: Path) -> None:
 def test_joints_are_named_where_they_differ() -> None:
     robot = load_robot(DESK_ARM)
     column, swing = robot.configuration.joints
-    c = msgspec.structs.replace(
-        robot.configuration,
-        joints=[
-            msgspec.structs.replace(column, known={"gap": "a\x1b[2Jb", "friction": "maker"}),
-            msgspec.structs.replace(swing, known={"friction": "maker"}),
-        ],
-    )
+    joints = [
+        msgspec.structs.replace(column, known={"gap": "a\x1b[2Jb", "friction": "maker"}),
+        msgspec.structs.replace(swing, known={"friction": "maker"}),
+    ]
+    c = msgspec.structs.replace(robot.configuration, joints=joints)
     check = check_parameters(replace(robot, configuration=c))
     assert not check.passed
     assert "the gap of swing not identified" in check.text
@@ -190,12 +185,8 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         return identified_keys(["joints", 0, *path], c, found)
 
     assert keys("half_gap") == ["joints", "joint", "gap", "half_gap"]
-    assert keys("friction", "gap_viscous") == [
-        *("joints", "joint", "friction", "friction", "gap_viscous")
-    ]
-    assert keys("thresholds", "contact") == [
-        *("joints", "joint", "thresholds", "thresholds", "contact")
-    ]
+    for step, field in (("friction", "gap_viscous"), ("thresholds", "contact")):
+        assert keys(step, field) == ["joints", "joint", step, step, field]
     assert keys("rotor_inertia") == []  # the current did not show it
     assert keys("torque_constant") == []
     assert identified_keys(["urdf"], c, found) == []
@@ -213,7 +204,7 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         ("{gap: by hand}", ", least: 0.1", ("thresholds",), 0.25),
     ],
 )
-def test_only_a_person_lowers_a_level_that_he_states(
+def test_learning_does_not_lower_a_stated_level(
     tmp_path: Path, known: str, least: str, steps: tuple[str, ...], share: float
 ) -> None:
     folder = arm(tmp_path, known, *steps).folder

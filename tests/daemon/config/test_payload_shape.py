@@ -75,7 +75,7 @@ def pose_of(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return data.oMi[model.njoints - 1].rotation, data.oMi[model.njoints - 1].translation
 
 
-def test_it_is_kept_from_what_the_hand_is_kept_from_and_may_reach(romeo: Robot) -> None:
+def test_a_payload_is_guarded_from_the_shapes_that_the_hand_may_reach(romeo: Robot) -> None:
     assert romeo.walls is not None
     payload = Payload.of(0.2, [0.1, 0.0, 0.0], box=[0.1, 0.1, 0.1])
     both = with_payload(romeo.walls, payload, romeo.model)
@@ -97,7 +97,7 @@ def test_a_hand_without_shapes_leaves_nothing_out(romeo: Robot) -> None:
     assert not [pair for pair in both.left_out if "payload" in pair]
 
 
-def test_a_box_that_reaches_into_a_link_is_refused_here(romeo: Robot) -> None:
+def test_a_box_that_reaches_into_a_link_is_refused_at_this_pose(romeo: Robot) -> None:
     payloads, place = Payloads(romeo), [0.0, 0.0, 0.0]
     assert payloads.walls(Payload.of(0.2, place, box=[1.5, 1.5, 1.5]), None) is not None
     with pytest.raises(ModelError, match=r"mm into the shape of LShoulder"):

@@ -31,9 +31,7 @@ def test_status_names_the_whole_path(
     assert status.configuration == str(arm.folder.resolve() / "config.yaml")
 
 
-def test_a_linked_configuration_stays_beside_what_it_refers_to(
-    arm: CommissionedArm, tmp_path: Path
-) -> None:
+def test_a_linked_configuration_keeps_its_folder(arm: CommissionedArm, tmp_path: Path) -> None:
     """The folder may be a link, too."""
     written = (arm.folder / "config.yaml").rename(tmp_path / "written.yaml")
     (arm.folder / "config.yaml").symlink_to(written)

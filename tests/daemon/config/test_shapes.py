@@ -1,4 +1,4 @@
-"""Files of shapes and surroundings: what is read, what is refused, and what is bounded by them."""
+"""Files of shapes and surroundings: read, refused, and the pairs that they guard."""
 
 import re
 from pathlib import Path
@@ -6,14 +6,14 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import DESK_ARM
 from common.errors import ConfigurationError
 from daemon.assembly import build_walls
 from daemon.config.files import Files
 from daemon.config.load import load_robot
-from daemon.config.shapes import SHAPES, SURROUNDINGS, clearance_of, obstacles_of
+from daemon.config.shapes import SHAPES, SURROUNDINGS, Walls, clearance_of, obstacles_of
 from identification.capsules import PairGaps
 from programs.contactd import fitting
 from programs.contactd.contactd import main
@@ -27,8 +27,19 @@ def shaped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shaped") / "arm"
     copytree(DESK_ARM, folder)
     (folder / SHAPES).unlink(missing_ok=True)
-    assert CliRunner().invoke(main, ["shapes", str(folder)]).exit_code == 0
+    assert fit(folder).exit_code == 0
     return folder
+
+
+def fit(folder: Path, *more: str) -> Result:
+    """Result of `contactd shapes`."""
+    return CliRunner().invoke(main, ["shapes", str(folder), *more])
+
+
+def walls_of(folder: Path) -> Walls:
+    walls = load_robot(folder).walls
+    assert walls is not None
+    return walls
 
 
 @pytest.fixture
@@ -36,7 +47,7 @@ def folder(shaped: Path, tmp_path: Path) -> Path:
     return Path(copytree(shaped, tmp_path / "arm"))
 
 
-def test_without_shapes_nothing_is_bounded() -> None:
+def test_without_shapes_there_are_no_walls() -> None:
     robot = load_robot(DESK_ARM)
     assert robot.walls is None
     assert build_walls(robot) is None
@@ -44,19 +55,18 @@ def test_without_shapes_nothing_is_bounded() -> None:
 
 def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
     (folder / SURROUNDINGS).write_text(TABLE + BOX)
-    robot = load_robot(folder)
-    assert robot.walls is not None
-    clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
+    robot, walls = load_robot(folder), walls_of(folder)
+    clearance = clearance_of(walls, robot.model.bodies(), robot.configuration.joint_names)
     names = {(one.name, other.name) for one, other in clearance.pairs}
     assert names == {(one, other) for one in ("column", "swing") for other in ("table", "press")}
-    plane, box = obstacles_of(robot.walls)
+    plane, box = obstacles_of(walls)
     assert plane.offset == pytest.approx(-0.2)
     assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])
     assert build_walls(robot) is not None
 
 
 def test_a_second_run_replaces_nothing_without_force(folder: Path) -> None:
-    runs = [CliRunner().invoke(main, ["shapes", str(folder), *more]) for more in ([], ["--force"])]
+    runs = [fit(folder), fit(folder, "--force")]
     assert [run.exit_code for run in runs] == [78, 0]
     assert "no pair is left to guard" in runs[1].output  # two neighbours alone
 
@@ -105,10 +115,10 @@ def test_a_capsule_that_was_added_counts_beside_a_plane(folder: Path) -> None:
 
 
 def test_more_pairs_than_a_tick_has_time_for_are_refused(folder: Path) -> None:
-    CliRunner().invoke(main, ["shapes", str(folder), "--single", "--force"])
+    fit(folder, "--single", "--force")
     planes = [f"  p{k}: {{point: [0, 0, -{k + 1}], normal: [0, 0, 1]}}\n" for k in range(75)]
     (folder / SURROUNDINGS).write_text("version: 1\nplanes:\n" + "".join(planes))
-    assert load_robot(folder).walls is not None
+    walls_of(folder)
     with (folder / SURROUNDINGS).open("a") as file:
         file.write("  one_more: {point: [0, 0, -9], normal: [0, 0, 1]}\n")
     with pytest.raises(ConfigurationError, match="152 pairs to guard; at most 150"):
@@ -122,28 +132,26 @@ def test_surroundings_alone_are_refused(folder: Path) -> None:
         load_robot(folder)
 
 
-def test_a_fit_replaces_what_is_refused(folder: Path) -> None:
+def test_a_fit_replaces_shapes_that_are_refused(folder: Path) -> None:
     (folder / SURROUNDINGS).write_text(TABLE)
     edited(folder, SHAPES, "urdf: ", "urdf: f")
     for force in (["--force"], []):
-        assert CliRunner().invoke(main, ["shapes", str(folder), *force]).exit_code == 0
-        assert load_robot(folder).walls is not None
+        assert fit(folder, *force).exit_code == 0
+        walls_of(folder)
         (folder / SHAPES).unlink()
 
 
 @pytest.mark.parametrize("wall", ["point: [0, -9, 0], normal: [0, 1, 0]",
                                   "point: [0, 0, 0], normal: [0, 1, 0]"])  # fmt: skip
-def test_what_is_out_of_reach_or_often_in_the_way_is_guarded(folder: Path, wall: str) -> None:
+def test_a_wall_out_of_reach_or_often_in_the_way_is_guarded(folder: Path, wall: str) -> None:
     (folder / SURROUNDINGS).write_text(f"version: 1\nplanes:\n  table: {{{wall}}}\n")
-    assert CliRunner().invoke(main, ["shapes", str(folder), "--force"]).exit_code == 0
-    walls = load_robot(folder).walls
-    assert walls is not None
-    assert frozenset(("swing", "table")) not in walls.left_out
+    assert fit(folder, "--force").exit_code == 0
+    assert frozenset(("swing", "table")) not in walls_of(folder).left_out
 
 
 def test_a_wall_of_a_links_name_is_refused(folder: Path) -> None:
     (folder / SURROUNDINGS).write_text(TABLE.replace("table:", "swing:"))
-    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    run = fit(folder, "--force")
     assert run.exit_code == 78
     assert "planes.swing: the name of a link's capsule" in run.output
 
@@ -156,11 +164,9 @@ def test_a_link_that_is_free_of_a_wall_in_few_poses_is_guarded(
     nearly = dict.fromkeys(pairs, PairGaps(-0.1, 0.96))
     monkeypatch.setattr(fitting, "gaps_over_poses", lambda *_: nearly)
     (folder / SURROUNDINGS).write_text(TABLE)
-    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    run = fit(folder, "--force")
     assert run.exit_code == 0, run.output
-    walls = load_robot(folder).walls
-    assert walls is not None
-    assert not [one for one in walls.shapes.left_out if "table" in one.pair]
+    assert not [one for one in walls_of(folder).shapes.left_out if "table" in one.pair]
 
 
 def test_both_files_count_as_changed(folder: Path) -> None:
@@ -178,12 +184,11 @@ def test_collision_geometry_comes_before_inertia(folder: Path) -> None:
     first = urdf.read_text().index("<inertial>")
     urdf.write_text(urdf.read_text()[:first] + shape + urdf.read_text()[first:])
     (folder / "identified.yaml").unlink(missing_ok=True)
-    run = CliRunner().invoke(main, ["shapes", str(folder)])
+    run = fit(folder)
     assert run.exit_code == 0, run.output
-    walls = load_robot(folder).walls
-    assert walls is not None
-    (capsule,) = walls.shapes.capsules
-    assert walls.shapes.source == "collision"
+    shapes = walls_of(folder).shapes
+    (capsule,) = shapes.capsules
+    assert shapes.source == "collision"
     assert 0.05 < capsule.radius < 0.06
     assert np.linalg.norm(np.subtract(capsule.end, capsule.start)) > 0.3
 
@@ -192,10 +197,8 @@ def test_edited_surroundings_ask_for_pairs_that_are_left_out(folder: Path) -> No
     """A table through the foot, which always touches it, is moved away in its file."""
     inside = "version: 1\nboxes:\n  table: {centre: [0, 0, 0], size: [0.1, 0.1, 0.1]}\n"
     (folder / SURROUNDINGS).write_text(inside)
-    assert CliRunner().invoke(main, ["shapes", str(folder), "--force"]).exit_code == 0
-    walls = load_robot(folder).walls
-    assert walls is not None
-    assert ("column", "table") in {one.pair for one in walls.shapes.left_out}
+    assert fit(folder, "--force").exit_code == 0
+    assert ("column", "table") in {one.pair for one in walls_of(folder).shapes.left_out}
     (folder / SURROUNDINGS).write_text(f"# a remark\n{inside}")
     load_robot(folder)
     (folder / SURROUNDINGS).write_text(TABLE)
@@ -208,12 +211,10 @@ def test_parts_of_a_link_share_a_name_and_a_joint(folder: Path) -> None:
     first = text.index("- end") if "- end" in text else text.index("- ", text.index("capsules:"))
     part = text[first : text.index("\n- ", first) + 1]
     (folder / SHAPES).write_text(text[:first] + part + text[first:])
-    robot = load_robot(folder)
-    assert robot.walls is not None
-    names = [one.name for one in robot.walls.shapes.capsules]
-    assert names[0] == names[1]
-    joint = next(one.joint for one in robot.walls.shapes.capsules if one.name != names[0])
-    moved = part.replace(f"joint: {robot.walls.shapes.capsules[0].joint}", f"joint: {joint}")
+    first_part, second_part, *others = walls_of(folder).shapes.capsules
+    assert first_part.name == second_part.name
+    joint = next(one.joint for one in others if one.name != first_part.name)
+    moved = part.replace(f"joint: {first_part.joint}", f"joint: {joint}")
     (folder / SHAPES).write_text(text[:first] + moved + text[first:])
     with pytest.raises(ConfigurationError, match="is given twice"):
         load_robot(folder)
@@ -227,25 +228,24 @@ def test_a_wall_around_the_whole_arm_is_refused(folder: Path, wall: str, hint: s
     """All its pairs would be left out: a table whose normal points down was guarded by nothing."""
     before = (folder / SHAPES).read_text()
     (folder / SURROUNDINGS).write_text(f"version: 1\n{wall}")
-    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    run = fit(folder, "--force")
     assert run.exit_code == 78
     assert re.search(r"surroundings.yaml:3: \w+\.table: the whole arm is inside", run.output)
     assert hint in run.output
     assert (folder / SHAPES).read_text() == before
 
 
-def test_a_new_fit_keeps_the_margin_and_what_was_added(folder: Path) -> None:
+def test_a_new_fit_keeps_the_margin_and_added_capsules(folder: Path) -> None:
     tool = "{name: tool, joint: swing, start: [0, 0, 0], end: [0, 0, 0.5], radius: 0.02}"
     edited(folder, SHAPES, "capsules:\n", f"capsules:\n- {tool}\n")
     edited(folder, SHAPES, "margin: 0.005", "margin: 0.02")
     (folder / SURROUNDINGS).write_text(TABLE)
-    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    run = fit(folder, "--force")
     assert run.exit_code == 0
     assert "kept      tool, a capsule of swing" in run.output
-    walls = load_robot(folder).walls
-    assert walls is not None
-    assert [one.name for one in walls.shapes.capsules].count("tool") == 1
-    assert walls.shapes.margin == 0.02
+    shapes = walls_of(folder).shapes
+    assert [one.name for one in shapes.capsules].count("tool") == 1
+    assert shapes.margin == 0.02
     edited(folder, SHAPES, "urdf: ", "urdf: f")  # fitted to another: it may be a link of that
-    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    run = fit(folder, "--force")
     assert "gone      tool, a capsule of swing" in run.output

@@ -43,5 +43,5 @@ def test_always_the_same():
 
 
 @pytest.mark.parametrize(("gravity", "too_much"), [(4.7, False), (4.8, False), (4.9, True)])
-def test_what_the_motor_cannot_hold(gravity: float, too_much: bool):
+def test_a_load_that_the_motor_cannot_hold(gravity: float, too_much: bool):
     assert Load(gravity, motor=4.8).too_much is too_much

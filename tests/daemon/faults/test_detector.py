@@ -1,4 +1,4 @@
-"""From samples to findings."""
+"""Findings of a tick, from its samples."""
 
 import numpy as np
 import pytest
@@ -16,6 +16,9 @@ from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
 JOINTS = ("shoulder", "elbow")
 T = 0.01
 ON, FAILED, FAILING = DriveCondition.OPERATING, DriveCondition.FAILED, DriveCondition.FAILING
+GAPS = np.full(2, T)  # time since the previous samples
+JUDGED = {"residual": np.zeros(2), "gaps": GAPS}
+Found = list[tuple[Condition, str]]
 
 
 def status(condition: DriveCondition) -> DriveStatus:
@@ -46,8 +49,13 @@ def samples(
 
 def detect(
     detector: FaultDetector, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
-) -> list[tuple[Condition, str]]:
+) -> Found:
     return [(f.condition, f.text) for f in detector.findings(taken, mode, **seen)]
+
+
+def first(found: list[Found], condition: Condition) -> int | None:
+    """Number of the first tick that found the condition."""
+    return next((k for k, these in enumerate(found, 1) if condition in dict(these)), None)
 
 
 @pytest.fixture
@@ -68,15 +76,14 @@ def detector() -> FaultDetector:
     settings = DetectorSettings(T, stale_ticks=3, overrun_ticks=5)
     following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
     plausibility = Plausibility(JOINTS, bounds)
-    return FaultDetector(
-        JOINTS, settings, plausibility, Following(following, T), IgnoredSetpoints(two)
-    )
+    followed, ignored = Following(following, T), IgnoredSetpoints(two)
+    return FaultDetector(JOINTS, settings, plausibility, followed, ignored)
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
 def test_an_undisturbed_tick_finds_nothing(detector: FaultDetector, mode: Mode) -> None:
     for _ in range(3):
-        assert detect(detector, samples(), mode, residual=np.zeros(2), gaps=np.full(2, T)) == []
+        assert detect(detector, samples(), mode, **JUDGED) == []
 
 
 @pytest.mark.parametrize("kind", [k for k in Kind if k not in (Kind.LOADED, Kind.DISTURBED)])
@@ -143,32 +150,22 @@ def test_a_drive_that_is_still_starting_is_not_stale(detector: FaultDetector) ->
     assert detect(detector, late) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
 
 
-def in_turn(
-    detector: FaultDetector, ticks: int, mode: Mode = Mode.TRACKING, **how: object
-) -> list[list[tuple[Condition, str]]]:
-    """Each drive misses every other tick: none is stale, and no tick has all of them."""
-    found = []
-    for k in range(ticks):
-        fresh = (k % 2 == 0, k % 2 == 1)
-        taken = samples(fresh=fresh, age=(0, 1) if fresh[0] else (1, 0))
-        found.append(detect(detector, taken, mode, **how))
-    return found
+@pytest.mark.parametrize("left_out", [0, 1])
+def test_samples_missing_in_turn_are_not_stale(detector: FaultDetector, left_out: int) -> None:
+    """Each drive misses every other tick, and no tick has both samples."""
+    for k in range(60):
+        taken = samples(fresh=(k % 2 == 0, k % 2 == 1), age=(k % 2, 1 - k % 2))
+        found = detect(detector, taken, left_out=left_out)
+        assert found[-1][0] is Condition.SAMPLE_MISSING
 
 
-def missing_in(detector: FaultDetector, pattern: str, ticks: int, **how: object) -> list[Condition]:
-    """The elbow's sample is missing where the pattern has an x; the last condition of each tick."""
+def missing_in(detector: FaultDetector, pattern: str, ticks: int, **how: object) -> list[Found]:
+    """Findings of ticks in which the elbow's sample is missing where the pattern has an x."""
     found, age = [], 0
     for k in range(ticks):
         age = age + 1 if pattern[k % len(pattern)] == "x" else 0
-        taken = samples(fresh=(True, not age), age=(0, age))
-        found.append(next(iter(reversed(detect(detector, taken, **how))), (None, ""))[0])
+        found.append(detect(detector, samples(fresh=(True, not age), age=(0, age)), **how))
     return found
-
-
-@pytest.mark.parametrize("left_out", [0, 1])
-def test_drives_that_fail_in_turn_are_bridged(detector: FaultDetector, left_out: int) -> None:
-    for these in in_turn(detector, 60, left_out=left_out):
-        assert these[-1][0] is Condition.SAMPLE_MISSING
 
 
 @pytest.mark.parametrize(
@@ -177,35 +174,32 @@ def test_drives_that_fail_in_turn_are_bridged(detector: FaultDetector, left_out:
 def test_a_drive_that_is_missing_in_most_ticks_is_stale(
     detector: FaultDetector, pattern: str, stale_after: int | None
 ) -> None:
-    found = missing_in(detector, pattern, 120)
-    expected = None if stale_after is None else stale_after - 1
-    assert (found.index(Condition.STALE) if Condition.STALE in found else None) == expected
+    assert first(missing_in(detector, pattern, 120), Condition.STALE) == stale_after
 
 
-def test_one_tick_with_all_samples_wipes_nothing(detector: FaultDetector) -> None:
+def test_three_ticks_with_all_samples_do_not_clear_the_count(detector: FaultDetector) -> None:
     missing_in(detector, "xx.", 22)
     missing_in(detector, ".", 3)
-    assert Condition.STALE in missing_in(detector, "xx.", 13)
+    assert first(missing_in(detector, "xx.", 13), Condition.STALE)
 
 
-def test_after_a_reset_missing_samples_count_anew(detector: FaultDetector) -> None:
+def test_missing_samples_count_anew_after_a_reset(detector: FaultDetector) -> None:
     missing_in(detector, "xx.", 22, mode=Mode.FAULTED)
-    assert Condition.STALE not in missing_in(detector, "xx.", 22)
+    assert first(missing_in(detector, "xx.", 22), Condition.STALE) is None
 
 
-# Which joints sense, tick by tick: no elbow is an x.
 @pytest.mark.parametrize(
-    ("pattern", "deaf_after"), [("x", 5), ("x.", 17), ("xx.", 8), ("x..", None), (".", None)]
+    ("pattern", "after"), [("x", 5), ("x.", 17), ("xx.", 8), ("x..", None), (".", None)]
 )
-def test_an_arm_that_senses_nothing_somewhere_holds(
-    detector: FaultDetector, pattern: str, deaf_after: int | None
+def test_a_joint_that_does_not_sense_contact_for_ticks_is_found(
+    detector: FaultDetector, pattern: str, after: int | None
 ) -> None:
+    """Tick by tick: the elbow does not sense where the pattern has an x."""
     found = [
         detect(detector, samples(), sensing=np.array([True, pattern[k % len(pattern)] != "x"]))
         for k in range(60)
     ]
-    deaf = [k + 1 for k, these in enumerate(found) if these]
-    assert (deaf[0] if deaf else None) == deaf_after
+    assert first(found, Condition.NOT_SENSING) == after
     assert all(these == [(Condition.NOT_SENSING, "elbow")] for these in found if these)
 
 
@@ -223,26 +217,26 @@ def test_late_answers_of_which_one_is_missing_are_late(
         ".": samples(),
     }
     found = [detect(detector, taken[one]) for one in pattern * 250]
-    deaf = [any(condition is Condition.NOT_SENSING for condition, _ in each) for each in found]
-    assert any(deaf) is holds
-    assert deaf == sorted(deaf), "it does not come and go"
+    doubted = [Condition.NOT_SENSING in dict(each) for each in found]
+    assert any(doubted) is holds
+    assert doubted == sorted(doubted), "it does not come and go"
     if holds:
         for _ in range(198):
             assert detect(detector, taken["."])
         assert not detect(detector, taken["."]), "it is lifted"
 
 
-def test_a_residual_that_begins_anew_again_and_again_is_deaf(detector: FaultDetector) -> None:
+def test_a_residual_that_restarts_again_and_again_does_not_sense(detector: FaultDetector) -> None:
     """Three ticks of sixteen without samples, the others on their way up from zero."""
     found = [
         detect(detector, samples(), sensing=np.array([True, k % 16 > 2]), settled=False)
         for k in range(40)
     ]
-    assert next(k for k, these in enumerate(found) if these) == 17
+    assert first(found, Condition.NOT_SENSING) == 18
 
 
 @pytest.mark.parametrize("mode", sorted(set(Mode) - SENSING))
-def test_where_nothing_is_to_be_sensed_it_is_no_fault(detector: FaultDetector, mode: Mode) -> None:
+def test_modes_without_sensing_find_no_fault(detector: FaultDetector, mode: Mode) -> None:
     for _ in range(20):
         assert detect(detector, samples(), mode, sensing=np.zeros(2, dtype=bool)) == []
 
@@ -290,8 +284,7 @@ def test_missed_deadlines_become_an_overrun_where_two_ticks_on_time_make_up_for_
         detect(detector, samples(), lateness_s=0.012, left_out=left_out[k % len(left_out)])
         for k in range(60)
     ]
-    overrun = [k + 1 for k, these in enumerate(found) if (Condition.OVERRUN, "") in these]
-    assert (overrun[0] if overrun else None) == overrun_after
+    assert first(found, Condition.OVERRUN) == overrun_after
 
 
 def test_deadlines_missed_at_once_are_an_overrun_too(detector: FaultDetector) -> None:
@@ -301,9 +294,7 @@ def test_deadlines_missed_at_once_are_an_overrun_too(detector: FaultDetector) ->
     assert detect(detector, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
 
 
-def test_a_daemon_that_was_absent_is_the_cause_of_what_waited_for_it(
-    detector: FaultDetector,
-) -> None:
+def test_an_absent_daemon_is_the_cause_of_what_it_missed(detector: FaultDetector) -> None:
     waited = samples(
         Event(Kind.ABSENT, "for 400 ms"),
         Event(Kind.UNHEARD, "shoulder"),
@@ -321,18 +312,15 @@ def test_estimates_that_are_not_finite(detector: FaultDetector) -> None:
     assert detect(detector, samples(), finite=False) == [(Condition.NOT_FINITE, "in the estimate")]
 
 
-def test_what_cannot_be_true_is_found_with_its_figures(detector: FaultDetector) -> None:
-    assert detect(detector, samples(), residual=np.zeros(2), gaps=np.full(2, T)) == []
-    found = detector.findings(
-        samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), gaps=np.full(2, T)
-    )
+def test_an_implausible_residual_is_found_with_its_figures(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), **JUDGED) == []
+    torques = np.array([0.0, -5.5])
+    found = detector.findings(samples(), Mode.TRACKING, residual=torques, gaps=GAPS)
     assert found == (Finding(Condition.RESIDUAL_LIMIT, "elbow"),)
     assert str(found[0]) == "residual implausible: elbow (5.5 Nm, at most 5.0)"
 
 
-def test_samples_are_compared_joint_by_joint_over_the_time_since_the_last(
-    detector: FaultDetector,
-) -> None:
+def test_samples_are_compared_over_the_time_since_each_joints_last(detector: FaultDetector) -> None:
     def jumps(q: float, *gaps: float) -> bool:
         taken = samples(q=(0.0, q), fresh=(True, gaps[1] > 0.0))
         these = detect(detector, taken, residual=np.zeros(2), gaps=np.array(gaps))
@@ -348,75 +336,57 @@ def test_samples_are_compared_joint_by_joint_over_the_time_since_the_last(
 def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(detector: FaultDetector) -> None:
     full = samples(current=(1.0, 0.0))
 
-    def ticks(mode: Mode) -> list[tuple[Condition, str]]:
-        for _ in range(5):
-            found = detect(detector, full, mode, residual=np.zeros(2), gaps=np.full(2, T))
-        return found
+    def ticks(mode: Mode) -> Found:
+        return [detect(detector, full, mode, **JUDGED) for _ in range(5)][-1]
 
     assert ticks(Mode.ADMITTANCE) == []
     # Nor does it hide anything else.
-    torques = np.array([0.0, 5.5])
-    found = detect(detector, full, Mode.ADMITTANCE, residual=torques, gaps=np.full(2, T))
+    found = detect(detector, full, Mode.ADMITTANCE, residual=np.array([0.0, 5.5]), gaps=GAPS)
     assert found == [(Condition.RESIDUAL_LIMIT, "elbow")]
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
 
 
-def test_a_motor_that_does_not_follow_is_named_where_it_should(detector: FaultDetector) -> None:
-    astray = (Condition.NOT_FOLLOWING, "elbow")
+def test_a_motor_that_does_not_follow_is_named_while_commanded(detector: FaultDetector) -> None:
+    not_followed = [(Condition.NOT_FOLLOWING, "elbow")]
+    setpoint = np.array([0.0, 0.5])
 
-    def ticks(mode: Mode, count: int) -> list[tuple[Condition, str]]:
+    def ticks(mode: Mode, count: int) -> Found:
         for _ in range(count):
-            found = detect(
-                detector,
-                samples(),
-                mode,
-                setpoint=np.array([0.0, 0.5]),
-                residual=np.zeros(2),
-                gaps=np.full(2, T),
-            )
+            found = detect(detector, samples(), mode, setpoint=setpoint, **JUDGED)
         return found
 
     assert ticks(Mode.FAULTED, 2 * TICKS) == ticks(Mode.ENABLING, 2 * TICKS) == []
     # Six setpoints old are those that it may still obey.
     assert ticks(Mode.TRACKING, TICKS + 4) == []
-    assert ticks(Mode.TRACKING, 1) == [astray]
+    assert ticks(Mode.TRACKING, 1) == not_followed
     assert ticks(Mode.OFF, 1) == []
     assert ticks(Mode.HOLDING, TICKS + 4) == []
-    assert ticks(Mode.HOLDING, 1) == [astray]
+    assert ticks(Mode.HOLDING, 1) == not_followed
 
 
-def test_every_motor_that_does_not_follow_is_named_with_its_figures(
-    detector: FaultDetector,
-) -> None:
+def test_each_motor_that_does_not_follow_is_named_with_figures(detector: FaultDetector) -> None:
+    setpoint = np.array([0.3, -0.5])
     for _ in range(TICKS + 5):
-        found = detector.findings(
-            samples(),
-            Mode.TRACKING,
-            setpoint=np.array([0.3, -0.5]),
-            residual=np.zeros(2),
-            gaps=np.full(2, T),
-        )
+        found = detector.findings(samples(), Mode.TRACKING, setpoint=setpoint, **JUDGED)
     assert [str(finding) for finding in found] == [
         "drive does not follow: shoulder (by 0.300 rad/s, at most 0.200)",
         "drive does not follow: elbow (by 0.500 rad/s, at most 0.200)",
     ]
 
 
-def test_after_a_reset_what_is_now_is_believed(detector: FaultDetector) -> None:
-    def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
-        return detect(detector, samples(q=(q, 0.0)), mode, residual=np.zeros(2), gaps=np.full(2, T))
+def test_a_reset_takes_the_present_positions_as_right(detector: FaultDetector) -> None:
+    def at(q: float, mode: Mode) -> Found:
+        return detect(detector, samples(q=(q, 0.0)), mode, **JUDGED)
 
     assert at(0.0, Mode.TRACKING) == []
     assert (Condition.APART, "shoulder") in at(1.0, Mode.TRACKING)
     assert at(1.0, Mode.FAULTED) == [(Condition.APART, "shoulder")]  # it stays until the reset
-    assert at(1.0, Mode.OFF) == []
-    assert at(1.0, Mode.OFF) == []
+    assert at(1.0, Mode.OFF) == at(1.0, Mode.OFF) == []
 
 
 def test_everything_at_once_is_listed(detector: FaultDetector) -> None:
-    taken = samples(
-        Event(Kind.SILENT, "elbow"), fresh=(True, False), age=(0, 9), conditions=(FAILED, ON)
-    )
+    silent = Event(Kind.SILENT, "elbow")
+    taken = samples(silent, fresh=(True, False), age=(0, 9), conditions=(FAILED, ON))
     findings = detector.findings(
         taken,
         Mode.TRACKING,
@@ -424,7 +394,7 @@ def test_everything_at_once_is_listed(detector: FaultDetector) -> None:
         left_out=1,
         finite=False,
         residual=np.array([9.0, 0.0]),
-        gaps=np.full(2, T),
+        gaps=GAPS,
     )
     assert [f.condition for f in findings] == [
         Condition.LATE,

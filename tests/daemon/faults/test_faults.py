@@ -54,7 +54,7 @@ def test_every_row_is_made_to_happen() -> None:
     assert made == set(Condition) == set(TABLE)
 
 
-def test_what_is_not_shown_has_its_reason_and_exists() -> None:
+def test_an_excluded_case_exists_and_has_its_reason() -> None:
     names = {case.name for case in CASES}
     assert len(names) == len(CASES)
     assert {case for case, _ in EXCLUDED} <= names
@@ -125,7 +125,7 @@ def happen(on: BreakableArm, case: Case) -> Iterator[None]:
 
 
 @at(of(Response.CONTINUE))
-def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -> None:
+def test_a_finding_to_continue_with_leaves_the_arm_tracking(on: BreakableArm, case: Case) -> None:
     start(on, armed=True)
     fault = happen(on, case)
     assert not reported(on)
@@ -140,7 +140,7 @@ def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -
 
 
 @at(of(Response.HOLD))
-def test_it_holds_disarmed_and_nothing_is_latched(on: BreakableArm, case: Case) -> None:
+def test_a_finding_to_hold_for_disarms_and_latches_no_fault(on: BreakableArm, case: Case) -> None:
     start(on, armed=case.armed)
     fault = happen(on, case)
     machine = on.rig.tick.controller.machine
@@ -199,7 +199,7 @@ def stopped(on: BreakableArm, fault: Iterator[None], case: Case) -> None:
 
 
 @at(of(Response.QUICK_STOP))
-def test_it_stops_all_drives_until_a_person_resets_it_once(on: BreakableArm, case: Case) -> None:
+def test_a_fault_stops_all_drives_until_one_reset(on: BreakableArm, case: Case) -> None:
     start(on, armed=case.armed)
     began = on.joints
     fault = happen(on, case)
@@ -223,7 +223,7 @@ def test_it_stops_all_drives_until_a_person_resets_it_once(on: BreakableArm, cas
 
 
 @at(of(Response.FAULT_EXIT))
-def test_what_ends_the_program(own: BreakableArm, case: Case) -> None:
+def test_a_fatal_finding_ends_the_program(own: BreakableArm, case: Case) -> None:
     start(own, armed=True)
     assert own.rig.tick.fatal is None
     happen(own, case)
@@ -284,14 +284,14 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
 
 
 @on_every_make
-def test_without_an_exception_it_does_nothing(on: BreakableArm) -> None:
+def test_stop_on_error_does_nothing_without_an_exception(on: BreakableArm) -> None:
     with stop_on_error(on.rig.drives, on.period_s, sleep=pytest.fail):
         on.tick()
 
 
 @on_every_make
 def test_a_fault_soon_after_a_reset_is_a_fault(on: BreakableArm) -> None:
-    """The patience with drives that are asked for a fault reset ends when they are enabled."""
+    """The time that drives have for a fault reset ends when they are enabled."""
     on.make.speech.fail(on)
     on.run(0.05)
     on.until(Mode.OFF, Event.RESET)
@@ -317,7 +317,7 @@ def test_a_drive_still_in_fault_is_not_enabled(on: BreakableArm) -> None:
 
 
 @on_every_make
-def test_the_clock_on_the_wall_does_not_matter(on: BreakableArm) -> None:
+def test_a_jump_of_the_wall_clock_has_no_effect(on: BreakableArm) -> None:
     start(on, armed=True)
     for wall_s in (1.8e9, 1.8e9 + 3600.0, 0.0, -1.0, 1.8e9):
         on.rig.step(wall_s)

@@ -29,7 +29,7 @@ def test_the_first_of_equals_wins() -> None:
     assert strongest((fault, stale)) is fault
 
 
-def test_nothing_found() -> None:
+def test_no_finding_has_no_strongest() -> None:
     assert strongest(()) is None
 
 

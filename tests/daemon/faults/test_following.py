@@ -27,40 +27,40 @@ def following() -> Following:
 def ticks(
     following: Following, count: int, commanded: float, velocity: float, share: float = 0.0
 ) -> list[bool]:
-    """Whether the second joint is astray, tick by tick; the first does what is commanded."""
+    """Whether the second joint does not follow, tick by tick; the first follows."""
     found = []
     for _ in range(count):
         following.record(np.array([commanded, commanded]))
-        astray = following.not_following(
+        fails = following.not_following(
             np.array([commanded, velocity]), np.array([0.0, share * CURRENT[1]]), BOTH
         )
-        assert 0 not in astray
-        found.append(1 in astray)
+        assert 0 not in fails
+        found.append(1 in fails)
     return found
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize(("beyond", "astray"), [(-E, False), (E, True)])
+@pytest.mark.parametrize(("beyond", "fails"), [(-E, False), (E, True)])
 @pytest.mark.parametrize("commanded", [0.0, 0.1])
 def test_the_deviation_that_counts(
-    following: Following, sign: int, beyond: float, astray: bool, commanded: float
+    following: Following, sign: int, beyond: float, fails: bool, commanded: float
 ) -> None:
     ticks(following, WINDOW, sign * commanded, sign * commanded)
     velocity = sign * (commanded - DEVIATION[1] - beyond)
     found = ticks(following, TICKS, sign * commanded, velocity)
-    assert found == [False] * (TICKS - 1) + [astray]
+    assert found == [False] * (TICKS - 1) + [fails]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize(("beyond", "astray"), [(-E, True), (E, False)])
+@pytest.mark.parametrize(("beyond", "fails"), [(-E, True), (E, False)])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_drive_that_presses_the_right_way_follows(
-    following: Following, sign: int, beyond: float, astray: bool, direction: int
+    following: Following, sign: int, beyond: float, fails: bool, direction: int
 ) -> None:
     """Held up, or carried along by a stronger person; pressing the wrong way is no excuse."""
     share = sign * direction * (PRESSING_SHARE + beyond)
     found = ticks(following, TICKS, 0.0, -sign * 0.5, share)
-    assert found[-1] is (astray if direction == 1 else True)
+    assert found[-1] is (fails if direction == 1 else True)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -71,15 +71,15 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
     # Nor is it drawn into what another joint does.
     for _ in range(TICKS):
         following.record(np.zeros(2))
-        astray = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2), BOTH)
-    assert astray == [0]
+        fails = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2), BOTH)
+    assert fails == [0]
 
 
 def test_the_bounds_are_those_of_the_documentation() -> None:
     assert (TICKS, PRESSING_SHARE, SAG_TICKS, HEARD_SHARE) == (20, 0.5, 50, 0.02)
 
 
-def test_it_counts_anew(following: Following) -> None:
+def test_ticks_count_again_from_zero(following: Following) -> None:
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
     assert ticks(following, 1, 0.0, 0.0) == [False]
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
@@ -114,7 +114,7 @@ def test_a_first_current_that_is_no_number_excuses_nothing(following: Following)
     assert ticks(following, TICKS, 0.0, 0.5, -0.4)[-1]
 
 
-def test_what_was_commanded_lately_may_still_be_obeyed(following: Following) -> None:
+def test_a_recent_setpoint_may_still_be_obeyed(following: Following) -> None:
     ticks(following, WINDOW, 0.5, 0.5)
     # Commanded to stand, it goes on: that counts when the last 0.5 has left the window.
     found = ticks(following, WINDOW - 1 + TICKS, 0.0, 0.5)
@@ -141,8 +141,8 @@ def test_every_joint_by_itself() -> None:
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for _ in range(TICKS):
         following.record(np.zeros(2))
-        astray = following.not_following(np.array([-0.21, 0.31]), np.zeros(2), BOTH)
-    assert astray == [0, 1]
+        fails = following.not_following(np.array([-0.21, 0.31]), np.zeros(2), BOTH)
+    assert fails == [0, 1]
     assert following.not_following(np.array([0.0, 0.31]), np.zeros(2), BOTH) == [1]
 
 
@@ -166,8 +166,8 @@ def test_a_current_that_went_the_right_way_is_named_beside_the_fault(
     ticks(following, SAG_TICKS + WINDOW, 0.0, 0.0, 0.1)
     for k in range(TICKS):
         share = 0.1 + sign * rise * k / (TICKS - 1)
-        astray = ticks(following, 1, sign * 0.5, 0.0, share)
+        fails = ticks(following, 1, sign * 0.5, 0.0, share)
         following.record(np.full(2, sign * 0.5))
-    while not astray[-1]:
-        astray = ticks(following, 1, sign * 0.5, 0.0, share)
+    while not fails[-1]:
+        fails = ticks(following, 1, sign * 0.5, 0.0, share)
     assert ("it obeys" in following.figures(1)) is obeys

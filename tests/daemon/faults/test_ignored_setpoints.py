@@ -19,7 +19,7 @@ def ticks(watch, n, drives, current=LITTLE):
     return [watch.joints(drives, current, np.array([True, True])) for _ in range(n)]
 
 
-def test_it_is_reported_while_it_lasts(watch) -> None:
+def test_an_ignored_setpoint_is_reported_while_it_lasts(watch) -> None:
     assert ticks(watch, 5, (FOLLOWING, FOLLOWING)) == [[]] * 5
     expected = [[]] * (IGNORED_TICKS - 1) + [[1]] * 2
     assert ticks(watch, IGNORED_TICKS + 1, (FOLLOWING, IGNORING)) == expected

@@ -1,4 +1,4 @@
-"""Causes on the bus that stand behind what is found first: said beside it, with who it is."""
+"""Causes on the bus behind the condition that is found first: named beside it, with the drive."""
 
 from collections.abc import Iterator
 
@@ -29,7 +29,7 @@ def cause(on: BreakableArm) -> str:
     return on.rig.tick.controller.machine.cause
 
 
-def test_a_drive_that_misses_us_on_a_flooded_bus_names_the_load(on: BreakableArm) -> None:
+def test_a_drive_that_misses_the_master_on_a_flooded_bus_names_the_load(on: BreakableArm) -> None:
     start(on, armed=True)
     for _ in flooded_and_unheard(on):
         on.tick()
@@ -42,7 +42,7 @@ def test_a_drive_that_misses_us_on_a_flooded_bus_names_the_load(on: BreakableArm
     assert all("taken" not in str(finding) for finding in on.rig.last.findings)
 
 
-def test_on_a_quiet_bus_it_names_the_drive_alone(on: BreakableArm) -> None:
+def test_a_drive_that_misses_the_master_on_a_quiet_bus_is_named_alone(on: BreakableArm) -> None:
     start(on, armed=True)
     on.simulated.lock()
     on.tick()
@@ -69,7 +69,7 @@ def test_two_drives_are_named_before_the_arm_is_enabled(on: BreakableArm) -> Non
         (Trigger.FAULT_DETECTED, Condition.DRIVE_FAULT, ", without supply"),
     ],
 )
-def test_a_drive_without_supply_is_named_so(
+def test_a_drive_without_supply_is_named(
     on: BreakableArm, trigger: Trigger, condition: Condition, how: str
 ) -> None:
     start(on, armed=True)
@@ -90,17 +90,17 @@ def test_a_supply_that_is_off_while_the_arm_is_off_is_no_fault(on: BreakableArm)
     going.close()  # type: ignore[attr-defined]
 
 
-def deafen(on: BreakableArm) -> None:
+def silence_sdo(on: BreakableArm) -> None:
     on.simulated.on_sdo = lambda data: None  # type: ignore[method-assign]
 
 
 @on_one_make
-def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(on: BreakableArm) -> None:
+def test_arming_without_sdo_answers_is_refused_with_the_drive(on: BreakableArm) -> None:
     assert on.rig.ask(Event.ENABLE) == []
     on.run(1.2)
     assert on.rig.permit() == []
     on.rig.tick.controller.disarm("the bench", on.rig.time_s)
-    deafen(on)
+    silence_sdo(on)
     on.run(5.5)
     assert on.rig.mode is Mode.HOLDING
     (reason,) = on.rig.permit()
@@ -110,15 +110,15 @@ def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(on: Br
     assert on.rig.permit() == []
 
 
-def test_it_is_named_where_drives_are_enabled_and_reset(on: BreakableArm) -> None:
-    deafen(on)
+def test_a_drive_without_sdo_answers_is_named_by_enable(on: BreakableArm) -> None:
+    silence_sdo(on)
     (reason,) = on.rig.ask(Event.ENABLE)
     assert f"node {on.drive.node} ({on.drive.name}) does not answer (SDO timeout" in reason
     assert on.rig.mode is Mode.OFF
 
 
 @on_one_make
-def test_no_one_is_asked_by_sdo_while_the_arm_moves_or_is_armed(on: BreakableArm) -> None:
+def test_no_sdo_request_is_sent_while_the_arm_moves_or_is_armed(on: BreakableArm) -> None:
     def asked() -> set[int]:
         return {cob_id for cob_id, _ in on.wire.sent if cob_id & ~0x7F == SDO_REQUEST}
 

@@ -15,7 +15,7 @@ from daemon.modes.table import Event, Mode
 from simulator.sensors import Readings
 
 MOVES = 0.3  # [rad/s], of a motor by its own power
-PATIENCE = 40  # ticks
+ALLOWED = 40  # ticks
 
 
 def named(name: str) -> Case:
@@ -33,7 +33,7 @@ def named(name: str) -> Case:
         ("... for 400 ms", 60),
     ],
 )
-def test_a_drive_that_stood_and_runs_on_later(first: str, later: int, second: str) -> None:
+def test_a_proof_is_void_when_the_drive_moves_again(first: str, later: int, second: str) -> None:
     with PLACE.stage() as on, ExitStack() as cleanup:
         start(on, armed=True)
         judge, moved = Judge(on), 0
@@ -52,9 +52,9 @@ def test_a_drive_that_stood_and_runs_on_later(first: str, later: int, second: st
             moved += 1
             record = on.rig.last
             assert not [n.text for n in record.notices if "stop proved" in n.text]
-            if on.rig.mode is Mode.FAULTED and moved > PATIENCE:
+            if on.rig.mode is Mode.FAULTED and moved > ALLOWED:
                 assert record.unproved, tick
-            if on.rig.mode is Mode.FAULTED and moved == PATIENCE + 30:
+            if on.rig.mode is Mode.FAULTED and moved == ALLOWED + 30:
                 assert on.rig.ask(Event.RESET) or judge._speed(on.joint) < MOVES
 
 
@@ -82,19 +82,19 @@ def blind_velocity(on: BreakableArm) -> Iterator[None]:
             yield
 
 
-def test_after_silence_no_reset_believes_a_velocity_alone() -> None:
+def test_a_reset_after_silence_needs_more_than_a_velocity_of_zero() -> None:
     with PLACE.stage() as on, ExitStack() as cleanup:
         start(on, armed=True)
         judge = Judge(on)
         with on.at(on.joint + 1):
-            deaf = stone_deaf(on)
+            unreachable = stone_deaf(on)
         blind = blind_velocity(on)
-        cleanup.callback(deaf.close)  # type: ignore[attr-defined]
+        cleanup.callback(unreachable.close)  # type: ignore[attr-defined]
         cleanup.callback(blind.close)  # type: ignore[attr-defined]
         asked = 0
         for tick in range(400):
             with on.at(on.joint + 1):
-                next(deaf, None)
+                next(unreachable, None)
             next(blind, None)
             on.tick()
             judge.see()
@@ -102,7 +102,7 @@ def test_after_silence_no_reset_believes_a_velocity_alone() -> None:
             may = drives.master_timeout_passed or not drives.unproved()
             if on.rig.mode is Mode.FAULTED and tick % 40 == 0 and may:
                 if tick > 200:
-                    deaf.close()  # type: ignore[attr-defined]  # its cause is gone
+                    unreachable.close()  # type: ignore[attr-defined]  # its cause is gone
                 asked += 1
                 refused = on.rig.ask(Event.RESET)
                 assert refused or judge._speed(on.joint) < 0.1

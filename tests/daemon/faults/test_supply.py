@@ -34,7 +34,7 @@ def test_a_drive_is_judged_by_what_it_has_shown(words: tuple[int, ...], missing:
     assert taken(Supply(1), *words).missing(0) is missing
 
 
-def test_it_is_lost_when_it_lasts_in_fresh_samples() -> None:
+def test_a_supply_is_lost_after_ticks_of_fresh_samples() -> None:
     supply = taken(Supply(1), ON | WITH, ON)
     assert not supply.lost(0)
     taken(supply, *[ON] * 5, fresh=False)

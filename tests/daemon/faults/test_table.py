@@ -1,5 +1,8 @@
 """Response to each condition, and which of them fails which arming check."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
 from daemon.faults.conditions import Condition, Response
@@ -7,74 +10,56 @@ from daemon.faults.table import TABLE
 from daemon.modes.table import Event
 from drivers.api import Kind
 
-# What one tick gets over; where what is measured can still be trusted; what ends the program.
-# Everything else stops all drives until a person has looked.
-EXPECTED = {
-    Response.CONTINUE: {
-        Condition.SAMPLE_MISSING,
-        Condition.BUS_LOADED,
-        Condition.BUS_DISTURBED,
-        Condition.LATE,
-    },
+# A condition of one tick; one beside which measurements are still trusted; an end of the program.
+# All others stop all drives until a reset.
+C = Condition
+RESPONSES = {
+    Response.CONTINUE: {C.SAMPLE_MISSING, C.BUS_LOADED, C.BUS_DISTURBED, C.LATE},
     Response.HOLD: {
-        Condition.STARVED,
-        Condition.OLD,
-        Condition.NOT_SENSING,
-        Condition.ERROR_PASSIVE,
-        Condition.TORQUE_SATURATED,
-        Condition.JOINT_LIMIT,
-        Condition.OVERRUN,
-        Condition.UNGUARDED,
+        *(C.STARVED, C.OLD, C.NOT_SENSING, C.ERROR_PASSIVE, C.TORQUE_SATURATED, C.JOINT_LIMIT),
+        *(C.OVERRUN, C.UNGUARDED),
     },
-    Response.FAULT_EXIT: {Condition.ADAPTER_GONE, Condition.PROGRAM_ERROR},
+    Response.FAULT_EXIT: {C.ADAPTER_GONE, C.PROGRAM_ERROR},
+}
+# All others fail the check that is called as the table is.
+CHECKS = {
+    "drives": {
+        *(C.DRIVE_FAULT, C.DRIVE_DROPPED, C.SUPPLY_LOST, C.NOT_FOLLOWING, C.IGNORES_SETPOINT),
+        *(C.NOT_SEEN_TO_STOP, C.UNPROVED),
+    },
+    "samples": {C.SAMPLE_MISSING, C.STALE, C.STARVED, C.OLD},
+    "estimator": {C.NOT_SENSING},
+    "heartbeats": {C.HEARTBEAT_LOST, C.UNHEARD, C.UNGUARDED},
+    "emergencies": {C.EMERGENCY},
+    "set-up": {C.REBOOTED},
+    "residual": {C.RESIDUAL_LIMIT},
+    "limits": {C.JOINT_LIMIT},
+    "loop": {C.LATE, C.OVERRUN, C.ABSENT},
 }
 
 
-def expected(condition: Condition) -> Response:
-    found = [response for response, conditions in EXPECTED.items() if condition in conditions]
-    return found[0] if found else Response.QUICK_STOP
+def group_of(condition: Condition, groups: Mapping[Any, set[Condition]], otherwise: Any) -> Any:
+    """Key of the group that has the condition."""
+    return next((key for key, group in groups.items() if condition in group), otherwise)
 
 
 @pytest.mark.parametrize("condition", Condition)
 def test_response(condition: Condition) -> None:
-    assert TABLE[condition].response is expected(condition)
-
-
-# All others fail the check that is called as the table is.
-CHECKS = {
-    "drives": {
-        Condition.DRIVE_FAULT,
-        Condition.DRIVE_DROPPED,
-        Condition.SUPPLY_LOST,
-        Condition.NOT_FOLLOWING,
-        Condition.IGNORES_SETPOINT,
-        Condition.NOT_SEEN_TO_STOP,
-        Condition.UNPROVED,
-    },
-    "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED, Condition.OLD},
-    "estimator": {Condition.NOT_SENSING},
-    "heartbeats": {Condition.HEARTBEAT_LOST, Condition.UNHEARD, Condition.UNGUARDED},
-    "emergencies": {Condition.EMERGENCY},
-    "set-up": {Condition.REBOOTED},
-    "residual": {Condition.RESIDUAL_LIMIT},
-    "limits": {Condition.JOINT_LIMIT},
-    "loop": {Condition.LATE, Condition.OVERRUN, Condition.ABSENT},
-}
+    assert TABLE[condition].response is group_of(condition, RESPONSES, Response.QUICK_STOP)
 
 
 @pytest.mark.parametrize("condition", Condition)
 def test_arming_check(condition: Condition) -> None:
-    named = [check for check, conditions in CHECKS.items() if condition in conditions]
-    assert TABLE[condition].check == (named[0] if named else "faults")
+    assert TABLE[condition].check == group_of(condition, CHECKS, "faults")
 
 
-def test_every_row_says_all() -> None:
+def test_every_row_is_complete() -> None:
     assert list(TABLE) == list(Condition)
     assert all(row.when and row.why and row.advice for row in TABLE.values())
 
 
-def test_what_is_latched_takes_a_reset_and_what_is_not_does_not() -> None:
-    """No advice sends a person to a command that would be refused."""
+def test_the_advice_names_reset_for_latched_faults_and_arm_for_others() -> None:
+    """No advice names a command that would be refused."""
     for condition, row in TABLE.items():
         reset = "`contactctl reset`" in row.advice
         assert reset is (row.response is Response.QUICK_STOP), condition
@@ -88,7 +73,7 @@ def test_a_source_belongs_to_one_condition() -> None:
     assert set(sources) == set(Kind) - {Kind.DISTURBED}, "which is judged by how long it lasts"
 
 
-def test_what_each_response_does_to_the_mode() -> None:
+def test_the_event_of_each_response() -> None:
     assert {response: response.event for response in Response} == {
         Response.CONTINUE: None,
         Response.HOLD: Event.DOUBT,

@@ -26,46 +26,31 @@ FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 
 @pytest.mark.parametrize("reaction", ContactReaction)
-def test_armed_a_contact_leads_to_what_was_chosen(
-    tracking: Make, reaction: ContactReaction
-) -> None:
+@pytest.mark.parametrize("armed", [True, False], ids=["armed", "unarmed"])
+def test_the_reaction_to_a_contact(tracking: Make, armed: bool, reaction: ContactReaction) -> None:
     arm = tracking(contact=reaction)
-    arm.touch()
-    assert arm.mode is AFTER[reaction]
-    if reaction is not R.REPORT:
-        assert arm.cause == "a feels it"
-    assert arm.armed is (reaction is not R.QUICK_STOP)
+    if armed:
+        arm.touch()
+        assert arm.cause == "a feels it" or reaction is R.REPORT
+        assert arm.armed is (reaction is not R.QUICK_STOP)
+    else:
+        arm.request(Event.DISARM)
+        arm.run(0.5, **arm.push(0.5))
+    assert arm.mode is (AFTER[reaction] if armed else M.TRACKING)
 
 
 @pytest.mark.parametrize("reaction", ContactReaction)
-def test_armed_a_collision_leads_to_what_was_chosen(
-    tracking: Make, reaction: ContactReaction
+@pytest.mark.parametrize("armed", [True, False], ids=["armed", "unarmed"])
+def test_a_collision_leads_to_its_reaction_or_unarmed_to_a_stop_or_release(
+    tracking: Make, armed: bool, reaction: ContactReaction
 ) -> None:
-    arm = tracking(contact=R.REPORT, collision=reaction)
+    arm = tracking(collision=reaction, **({"contact": R.REPORT} if armed else {}))
+    if not armed:
+        arm.request(Event.DISARM)
     arm.hit()
-    assert arm.mode is AFTER[reaction]
-
-
-@pytest.mark.parametrize("reaction", ContactReaction)
-def test_unarmed_a_contact_is_reported_whatever_was_chosen(
-    tracking: Make, reaction: ContactReaction
-) -> None:
-    arm = tracking(contact=reaction)
-    arm.request(Event.DISARM)
-    arm.run(0.5, **arm.push(0.5))
-    assert arm.mode is M.TRACKING
-
-
-@pytest.mark.parametrize("reaction", ContactReaction)
-def test_unarmed_a_collision_stops_unless_it_is_let_go_of(
-    tracking: Make, reaction: ContactReaction
-) -> None:
-    arm = tracking(collision=reaction)
-    arm.request(Event.DISARM)
-    arm.hit()
-    unpermitted = {R.QUICK_STOP: M.FAULTED, R.RELEASE: M.RELEASING}
-    assert arm.mode is unpermitted.get(reaction, M.STOPPING)
-    assert arm.cause == "a was hit"
+    unarmed = {R.QUICK_STOP: M.FAULTED, R.RELEASE: M.RELEASING}.get(reaction, M.STOPPING)
+    assert arm.mode is (AFTER[reaction] if armed else unarmed)
+    assert armed or arm.cause == "a was hit"
 
 
 def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
@@ -92,9 +77,7 @@ def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
         (R.QUICK_STOP, M.FAULTED),
     ],
 )
-def test_a_collision_while_it_yields(
-    tracking: Make, collision: ContactReaction, mode: Mode
-) -> None:
+def test_a_collision_in_admittance(tracking: Make, collision: ContactReaction, mode: Mode) -> None:
     arm = tracking(collision=collision)
     arm.run(0.3, **arm.push(0.5))
     arm.hit(3.0)
@@ -120,12 +103,12 @@ def test_a_contact_to_stop_at_that_becomes_a_collision(
 
 
 def guided(arm: IdealArm, torque: float = 0.6) -> None:
-    """A second of it: some 0.2 rad."""
+    """Led for a second, some 0.2 rad."""
     arm.run(1.0, **arm.push(torque))
     assert arm.mode is M.ADMITTANCE
 
 
-def test_to_hold_after_quiet_takes_a_new_start(tracking: Make) -> None:
+def test_an_arm_that_holds_after_the_quiet_time_needs_a_new_start(tracking: Make) -> None:
     arm = tracking(after_quiet=AfterQuiet.HOLD)
     guided(arm)
     assert not arm.controller.machine.moving  # as `watch` shows it
@@ -136,7 +119,7 @@ def test_to_hold_after_quiet_takes_a_new_start(tracking: Make) -> None:
     np.testing.assert_allclose(arm.q, left, atol=1e-3)
 
 
-def test_it_goes_back_slowly_and_goes_on_as_if_nothing_had_been(tracking: Make) -> None:
+def test_a_return_is_slow_and_continues_the_same_path(tracking: Make) -> None:
     arm, alone = tracking(after_quiet=AfterQuiet.RETURN), tracking()
     left = arm.decisions[-1].reference.copy()
     guided(arm)
@@ -155,7 +138,7 @@ def test_it_goes_back_slowly_and_goes_on_as_if_nothing_had_been(tracking: Make) 
     assert min(behind) < 2e-3
 
 
-def test_a_contact_on_the_way_back_starts_over(tracking: Make) -> None:
+def test_a_contact_during_a_return_restarts_the_quiet_time(tracking: Make) -> None:
     arm = tracking(after_quiet=AfterQuiet.RETURN, bounds=FAR)
     left = arm.decisions[-1].reference.copy()
     guided(arm)
@@ -167,7 +150,7 @@ def test_a_contact_on_the_way_back_starts_over(tracking: Make) -> None:
     np.testing.assert_allclose(arm.q, left, atol=0.011)  # where it was left at first
 
 
-def test_touched_while_holding_there_is_nothing_to_go_back_to(tracking: Make) -> None:
+def test_touched_while_holding_it_does_not_return() -> None:
     arm = holding_arm(after_quiet=AfterQuiet.RETURN)
     arm.controller.arm("me")
     guided(arm)
@@ -193,8 +176,8 @@ def test_an_arm_that_cannot_get_back_stops_and_is_disarmed(tracking: Make) -> No
 
 
 @pytest.mark.parametrize("after", [AfterQuiet.RESUME, AfterQuiet.HOLD])
-def test_a_biased_residual_does_not_walk_the_arm_away(after: AfterQuiet) -> None:
-    """It feels a push for half a second, then nothing for longer than the quiet time, and again."""
+def test_a_biased_residual_moves_the_arm_to_its_bound_and_no_further(after: AfterQuiet) -> None:
+    """A push is detected for half a second, then none for longer than the quiet time, and again."""
     arm = holding_arm(after_quiet=after, bounds=NEAR)
     start = arm.q.copy()
     assert arm.controller.arm("me") == []
@@ -221,7 +204,7 @@ def test_quiet_ticks_do_not_renew_the_duration(tracking: Make) -> None:
     assert arm.time_s - begun == pytest.approx(5.0, abs=0.1)
 
 
-def test_backing_away_again_and_again_is_bounded_too(tracking: Make) -> None:
+def test_backing_away_again_and_again_is_bounded_too() -> None:
     arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=NEAR)
     start = arm.q.copy()
     arm.controller.arm("me")
@@ -234,7 +217,7 @@ def test_backing_away_again_and_again_is_bounded_too(tracking: Make) -> None:
     assert arm.q[0] - start[0] == pytest.approx(0.4, abs=0.03)
 
 
-def test_a_person_may_lead_it_to_and_fro(tracking: Make) -> None:
+def test_leading_to_and_fro_exceeds_no_bound() -> None:
     arm = holding_arm(bounds=NEAR)
     arm.controller.arm("me")
     for i in range(20):

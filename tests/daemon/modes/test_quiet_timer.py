@@ -16,7 +16,7 @@ def test_it_expires_the_limit_after_the_last_touch(period_s: float) -> None:
     assert expired[:1] == ([first] if first < round(3.0 / period_s) else [])
 
 
-def test_one_touch_begins_it_anew() -> None:
+def test_one_touch_restarts_the_time() -> None:
     timer = QuietTimer(2.0)
     timer.sense(touched=False, time_s=1.99)
     assert not timer.expired
@@ -52,7 +52,7 @@ def test_a_restart_forgets_the_quiet_before() -> None:
         ("xxx..", 2),
     ],
 )
-def test_it_stands_still_while_a_touch_might_not_be_felt(ticks: str, quiet: int) -> None:
+def test_the_time_stops_while_a_touch_might_not_be_detected(ticks: str, quiet: int) -> None:
     timer = QuietTimer(2.0)
     for k, tick in enumerate(ticks, start=1):
         timer.sense(tick in "tT", 0.01 * k, sure=tick in "t.")

@@ -21,33 +21,29 @@ from daemon.modes.table import (
 ALL = list(product(Mode, Event))
 PRESENT = sorted(TRANSITIONS)
 ABSENT = sorted(set(ALL) - set(TRANSITIONS))
-COMMANDS = {
-    Event.ENABLE,
-    Event.START,
-    Event.PAUSE,
-    Event.STOP,
-    Event.DISARM,
-    Event.DISABLE,
-    Event.RESET,
-}
+COMMANDS = set(map(Event, ("enable", "start", "pause", "stop", "disarm", "disable", "reset")))
 DISARMS = {
-    Event.DISARM,
-    Event.STOP,
-    Event.DISABLE,
-    Event.BOUND,
-    Event.TIMEOUT,
-    Event.DOUBT,
-    Event.FAULT,
-    Event.RESET,
+    *(Event.DISARM, Event.STOP, Event.DISABLE, Event.BOUND, Event.TIMEOUT, Event.DOUBT),
+    *(Event.FAULT, Event.RESET),
 }
+MOVING = [Mode.TRACKING, *sorted(GUIDED)]
 
 
 def machine_in(mode: Mode, *, armed: bool = False, moving: bool = False) -> ModeMachine:
-    """A machine put there by hand, as if since 1 s."""
+    """A machine that is in the mode since 1 s."""
     machine = ModeMachine()
     machine.mode, machine.armed, machine.moving = mode, armed, moving
     machine.cause, machine.entered_s = "before", 1.0
     return machine
+
+
+def modes_but(*left_out: Mode) -> list[Mode]:
+    return sorted(set(Mode) - set(left_out))
+
+
+def into(mode: Mode, target: Mode) -> list[Event]:
+    """Events that lead from a mode to the target."""
+    return [event for event in Event if next_mode(mode, event) is target]
 
 
 def seen(machine: ModeMachine) -> tuple[object, ...]:
@@ -70,7 +66,7 @@ def test_a_row_is_followed(mode: Mode, event: Event) -> None:
 
 @pytest.mark.parametrize("flag", [False, True])
 @pytest.mark.parametrize(("mode", "event"), ABSENT)
-def test_what_has_no_row_changes_nothing(mode: Mode, event: Event, flag: bool) -> None:
+def test_an_event_without_a_row_changes_nothing(mode: Mode, event: Event, flag: bool) -> None:
     machine = machine_in(mode, armed=flag, moving=flag)
     before = seen(machine)
     assert not machine.can(event)
@@ -101,80 +97,69 @@ def test_stop_and_disarm_work_in_every_mode(mode: Mode, event: Event) -> None:
     assert machine.mode not in GUIDED
 
 
-@pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.FAULTED}))
-def test_a_fault_is_heard_everywhere(mode: Mode) -> None:
-    assert next_mode(mode, Event.FAULT) is Mode.FAULTED
-
-
-@pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.FAULTED}))
-def test_disable_is_heard_everywhere_but_in_a_fault(mode: Mode) -> None:
-    assert next_mode(mode, Event.DISABLE) in (Mode.OFF, Mode.STOPPING)
-
-
-@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.RELEASING, *sorted(GUIDED)])
-def test_doubt_stops_whatever_moves(mode: Mode) -> None:
-    assert next_mode(mode, Event.DOUBT) is Mode.STOPPING
+@pytest.mark.parametrize(
+    ("mode", "event", "after"),
+    [
+        *((mode, Event.FAULT, {Mode.FAULTED}) for mode in modes_but(Mode.FAULTED)),
+        *((mode, Event.DISABLE, {Mode.OFF, Mode.STOPPING}) for mode in modes_but(Mode.FAULTED)),
+        *((mode, Event.DOUBT, {Mode.STOPPING}) for mode in (*MOVING, Mode.RELEASING)),
+    ],
+)
+def test_fault_disable_and_doubt_end_motion(mode: Mode, event: Event, after: set[Mode]) -> None:
+    assert next_mode(mode, event) in after
 
 
 @pytest.mark.parametrize("mode", [Mode.HOLDING, Mode.STOPPING])
-def test_a_doubt_that_lasts_only_disarms_what_stands_or_stops(mode: Mode) -> None:
-    assert next_mode(mode, Event.DOUBT) is mode
-    machine = ModeMachine()
-    machine.mode = mode
-    machine.arm("the test")
-    assert machine.apply(Event.DOUBT, "the test", 0.0)
-    assert not machine.armed
+def test_doubt_disarms_an_arm_that_holds_or_stops(mode: Mode) -> None:
+    machine = machine_in(mode, armed=True)
+    assert machine.apply(Event.DOUBT, "the test", 2.0)
+    assert (machine.mode, machine.armed) == (mode, False)
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_disarm_stops_only_what_a_contact_moves(mode: Mode) -> None:
+def test_disarm_stops_a_guided_arm_alone(mode: Mode) -> None:
     assert next_mode(mode, Event.DISARM) is (Mode.STOPPING if mode in GUIDED else mode)
 
 
 @pytest.mark.parametrize("mode", sorted(set(Mode) - ENERGISED))
-def test_nothing_energises_but_enable(mode: Mode) -> None:
+def test_only_enable_energises(mode: Mode) -> None:
     into = [event for event in Event if next_mode(mode, event) in ENERGISED]
     assert into == ([Event.ENABLE] if mode is Mode.OFF else [])
 
 
-@pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.TRACKING}))
+@pytest.mark.parametrize("mode", modes_but(Mode.TRACKING))
 def test_only_start_and_quiet_begin_a_trajectory(mode: Mode) -> None:
-    into = [event for event in Event if next_mode(mode, event) is Mode.TRACKING]
     expected = {
         Mode.HOLDING: [Event.START],
         Mode.ADMITTANCE: [Event.RESUME],
         Mode.RETRACTING: [Event.RESUME],
         Mode.RETURNING: [Event.ARRIVED],
     }
-    assert into == expected.get(mode, [])
+    assert into(mode, Mode.TRACKING) == expected.get(mode, [])
 
 
 @pytest.mark.parametrize("mode", Mode)
 @pytest.mark.parametrize(
     ("guided", "event"), [(Mode.ADMITTANCE, Event.TOUCH), (Mode.RETRACTING, Event.RETRACT)]
 )
-def test_only_a_contact_of_an_energised_arm_makes_it_yield(
-    mode: Mode, guided: Mode, event: Event
-) -> None:
-    into = [event for event in Event if next_mode(mode, event) is guided]
-    # It backs away anew; to yield anew is nothing, and to let go comes first.
+def test_only_a_contact_makes_it_yield_or_retract(mode: Mode, guided: Mode, event: Event) -> None:
+    # It may back away again; yielding again is no change, and a release comes first.
     felt = mode in SENSING - {Mode.RELEASING} and not mode is guided is Mode.ADMITTANCE
     paused = [Event.PAUSE, Event.ABANDON] if mode is guided else []
-    assert into == paused + ([event] if felt else [])
+    assert into(mode, guided) == paused + ([event] if felt else [])
 
 
-@pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.RELEASING}))
-def test_only_a_collision_makes_it_let_go(mode: Mode) -> None:
-    into = [event for event in Event if next_mode(mode, event) is Mode.RELEASING]
+@pytest.mark.parametrize("mode", modes_but(Mode.RELEASING))
+def test_only_a_collision_begins_a_release(mode: Mode) -> None:
     felt = mode in SENSING - {Mode.ADMITTANCE}  # where it yields already
-    assert into == ([Event.RELEASE] if felt else [])
+    assert into(mode, Mode.RELEASING) == ([Event.RELEASE] if felt else [])
 
 
-def test_what_a_collision_interrupts_takes_a_new_start() -> None:
+def test_a_trajectory_needs_a_new_start_after_a_collision() -> None:
     machine = machine_in(Mode.TRACKING, moving=True)
     machine.apply(Event.RELEASE, "hit", 2.0)
     assert machine.trajectory == "paused"
-    machine.apply(Event.DISARM, "a program", 2.1)  # it was no matter of permission
+    machine.apply(Event.DISARM, "a program", 2.1)  # a release needs no permission
     assert machine.mode is Mode.RELEASING
     machine.apply(Event.HALT, "let go", 2.5)
     machine.apply(Event.STANDSTILL, "stands", 2.6)
@@ -182,49 +167,47 @@ def test_what_a_collision_interrupts_takes_a_new_start() -> None:
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_only_quiet_sends_the_arm_back(mode: Mode) -> None:
-    into = [event for event in Event if next_mode(mode, event) is Mode.RETURNING]
-    assert into == ([Event.RETURN] if mode in (Mode.ADMITTANCE, Mode.RETRACTING) else [])
+def test_only_the_quiet_time_begins_a_return(mode: Mode) -> None:
+    guided = mode in (Mode.ADMITTANCE, Mode.RETRACTING)
+    assert into(mode, Mode.RETURNING) == ([Event.RETURN] if guided else [])
 
 
-@pytest.mark.parametrize(
-    "mode", sorted(set(Mode) - {Mode.HOLDING, Mode.OFF, Mode.ENABLING, Mode.FAULTED})
-)
-def test_a_contact_to_stop_at_stops_whatever_moves(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", modes_but(Mode.HOLDING, Mode.OFF, Mode.ENABLING, Mode.FAULTED))
+def test_a_halt_stops_a_moving_arm(mode: Mode) -> None:
     machine = machine_in(mode)
     machine.apply(Event.HALT, "hit", 2.0)
     assert machine.mode is Mode.STOPPING
 
 
-def test_from_a_fault_only_reset_leads_out() -> None:
+def test_only_reset_ends_a_fault() -> None:
     leaving = [event for event in Event if next_mode(Mode.FAULTED, event) not in (None, "faulted")]
     assert leaving == [Event.RESET]
     assert next_mode(Mode.FAULTED, Event.RESET) is Mode.OFF
 
 
-def test_motion_ends_in_stopping_and_never_by_cutting_power() -> None:
-    for mode in (Mode.TRACKING, *sorted(GUIDED), Mode.STOPPING):
+def test_motion_never_ends_by_cutting_power() -> None:
+    for mode in (*MOVING, Mode.STOPPING):
         for event in Event:
             assert next_mode(mode, event) not in (Mode.OFF, Mode.ENABLING), (mode, event)
 
 
-@pytest.mark.parametrize("mode", [Mode.TRACKING, *sorted(GUIDED), Mode.STOPPING])
-def test_disable_in_motion_first_stops_then_goes_off(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [*MOVING, Mode.STOPPING])
+def test_disable_in_motion_stops_first_and_then_goes_off(mode: Mode) -> None:
     machine = machine_in(mode, armed=True, moving=True)
     assert machine.apply(Event.DISABLE, "a person", 2.0)
     assert machine.mode is Mode.STOPPING
-    machine.apply(Event.STOP, "a person", 2.1)  # does not take the wish back
+    machine.apply(Event.STOP, "a person", 2.1)  # does not cancel `disable`
     machine.changes.clear()
     assert machine.apply(Event.STANDSTILL, "stands", 2.5)
     assert machine.mode is Mode.OFF
     assert not machine.armed
     assert [c.text for c in machine.changes] == ["stopping -> holding", "holding -> off"]
-    for event in (Event.ENABLE, Event.ENERGISED):  # and is spent
+    for event in (Event.ENABLE, Event.ENERGISED):  # it is done once
         machine.apply(event, "again", 3.0)
     assert machine.mode is Mode.HOLDING
 
 
-def test_a_fault_while_disabling_forgets_the_wish() -> None:
+def test_a_fault_cancels_a_disable() -> None:
     machine = machine_in(Mode.TRACKING)
     machine.apply(Event.DISABLE, "a person", 2.0)
     for event in (Event.FAULT, Event.RESET, Event.ENABLE, Event.ENERGISED):
@@ -234,19 +217,17 @@ def test_a_fault_while_disabling_forgets_the_wish() -> None:
 
 @pytest.mark.parametrize(("mode", "event"), PRESENT)
 def test_a_trajectory_goes_on_only_after_a_contact(mode: Mode, event: Event) -> None:
-    machine = machine_in(mode, moving=mode in (Mode.TRACKING, *sorted(GUIDED)))
+    machine = machine_in(mode, moving=mode in MOVING)
     machine.apply(event, "why", 2.0)
-    goes_on = machine.mode in GUIDED and mode in (Mode.TRACKING, *sorted(GUIDED))
-    assert machine.moving is (
-        machine.mode is Mode.TRACKING or (goes_on and event not in (Event.PAUSE, Event.ABANDON))
-    )
+    paused = event in (Event.PAUSE, Event.ABANDON)
+    goes_on = machine.mode in GUIDED and mode in MOVING and not paused
+    assert machine.moving is (machine.mode is Mode.TRACKING or goes_on)
 
 
-def test_a_contact_while_holding_leaves_nothing_to_go_on_with() -> None:
+def test_a_contact_while_holding_continues_no_trajectory() -> None:
     machine = machine_in(Mode.HOLDING, armed=True)
     machine.apply(Event.TOUCH, "touch", 2.0)
-    assert machine.mode is Mode.ADMITTANCE
-    assert not machine.moving
+    assert (machine.mode, machine.moving) == (Mode.ADMITTANCE, False)
 
 
 def test_arming_twice_is_reported_once() -> None:
@@ -274,14 +255,13 @@ def test_every_mode_is_reached_and_every_event_used() -> None:
 def test_modes_and_words_are_complete() -> None:
     assert set(REFUSALS) == set(Mode)
     assert ARMABLE < SENSING < ENERGISED
-    assert Mode.OFF not in ENERGISED
-    assert Mode.FAULTED not in ENERGISED
+    assert not {Mode.OFF, Mode.FAULTED} & ENERGISED
     assert all((Mode.FAULTED, e) not in TRANSITIONS for e in COMMANDS - DISARMS)
 
 
 @pytest.mark.parametrize("armed", [False, True])
 @pytest.mark.parametrize("mode", [m for m in Mode if next_mode(m, Event.PAUSE)])
-def test_what_is_abandoned_halts_as_by_pause_and_is_forgotten(mode: Mode, armed: bool) -> None:
+def test_abandon_halts_as_pause_and_forgets_the_trajectory(mode: Mode, armed: bool) -> None:
     machine, paused = machine_in(mode, armed=armed), machine_in(mode, armed=armed)
     machine.paused = paused.paused = True
     machine.apply(Event.ABANDON, "why", 2.0)
@@ -292,7 +272,7 @@ def test_what_is_abandoned_halts_as_by_pause_and_is_forgotten(mode: Mode, armed:
     assert machine.changes[-1].cause == "why"
 
 
-def test_what_is_with_the_trajectory() -> None:
+def test_the_state_of_the_trajectory_after_each_event() -> None:
     machine = machine_in(Mode.HOLDING, armed=True)
     reported = [machine.trajectory]
     for event in (

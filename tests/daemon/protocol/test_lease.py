@@ -26,7 +26,7 @@ times = st.floats(0.0, 100.0)
         (ALICE, PROGRAM, False),
     ],
 )
-def test_who_is_the_same_owner(owner: Owner, other: Owner, same: bool) -> None:
+def test_same_owner(owner: Owner, other: Owner, same: bool) -> None:
     assert owner.is_same(other) is same
     assert bool(Lease(owner, 10.0).refusal(other, 1.0)) is not same
 

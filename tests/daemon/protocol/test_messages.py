@@ -66,7 +66,7 @@ def test_other_names_are_taken_as_they_are(name: str) -> None:
 
 
 @given(st.text(st.characters(), min_size=1, max_size=64))
-def test_what_is_made_printable_is_taken(text: str) -> None:
+def test_any_text_made_printable_is_a_valid_name(text: str) -> None:
     """Also lone surrogates, as which Python reads the names of files that are not UTF-8."""
     header = Header(name=printable(text), joints=[])
     packet = msgspec.json.encode(Load(header=header))
@@ -74,14 +74,14 @@ def test_what_is_made_printable_is_taken(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", 65 * "x", "a\nb", "a\x1b[2J", 'a"b', "a\\b", "Zoë", "動き"])
-def test_only_short_plain_text_says_on_whose_behalf(text: str) -> None:
+def test_on_behalf_of_takes_only_short_plain_text(text: str) -> None:
     packet = json.dumps({"command": "stop", "on_behalf_of": text}).encode()
     with pytest.raises(msgspec.ValidationError, match=r"\$\.on_behalf_of"):
         msgspec.json.decode(packet, type=Request)
 
 
 @given(st.text(st.characters(), min_size=1))
-def test_whatever_it_is_can_be_said_plainly_and_a_stop_stays_short(text: str) -> None:
+def test_any_text_becomes_a_valid_on_behalf_of_in_a_short_packet(text: str) -> None:
     packet = msgspec.json.encode(Disarm(on_behalf_of=on_behalf_of(text)))
     assert msgspec.json.decode(packet, type=Request).on_behalf_of == on_behalf_of(text)
     assert len(packet) <= SHORT_BYTES

@@ -1,4 +1,4 @@
-"""Frames of the last minute, in a log after a fault or a death, and none after an orderly end."""
+"""Frames of the last minute: in a log after a fault or a crash, and none after an orderly end."""
 
 import fcntl
 import grp
@@ -9,12 +9,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import can
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from common.errors import LogError
 from daemon.protocol.doors import DOORS, Door
@@ -48,6 +49,22 @@ def filled(path: Path, number: int = 3) -> None:
     for k in range(number):
         ring.put(time.monotonic(), 0x181 + k, bytes([k]), k % 2 == 1)
     ring.close()
+
+
+def saved(logs: Path) -> list[Path]:
+    """Logs that are complete."""
+    return list(logs.glob("[!.]*.blf"))
+
+
+def wait_for(done: Callable[[], object]) -> None:
+    end = time.monotonic() + 20.0
+    while not done() and time.monotonic() < end:
+        time.sleep(0.05)
+
+
+def command(socket: Path, *more: str) -> Result:
+    """Result of `contactd black-box`."""
+    return CliRunner().invoke(main, ["black-box", "--socket", str(socket), *more])
 
 
 def ids(log: Path) -> list[int]:
@@ -91,7 +108,7 @@ def test_error_frames_keep_their_class(tmp_path):
         (f"{250 * 'x'}.blf", "cannot write {}: File name too long"),
     ],
 )
-def test_where_a_log_cannot_go_nothing_changes(tmp_path, name, words):
+def test_a_refused_log_changes_no_file(tmp_path, name, words):
     folder = tmp_path / "folder"
     (folder / "there.blf").mkdir(parents=True)
     (folder / "there.log").write_text("evidence")
@@ -103,7 +120,7 @@ def test_where_a_log_cannot_go_nothing_changes(tmp_path, name, words):
     assert (folder / "there.log").read_text() == "evidence"
 
 
-def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
+def test_a_full_disk_leaves_no_partial_log(tmp_path, monkeypatch):
     def full(_: str) -> None:
         (tmp_path / ".x.blf.partial.blf").touch()
         raise OSError(28, "No space left on device", ".x.blf.partial.blf")
@@ -114,7 +131,7 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_old_logs_go(path, logs):
+def test_old_logs_are_removed(path, logs):
     filled(path)
     logs.mkdir()
     for k in range(30):
@@ -152,12 +169,12 @@ def helper(path: Path, logs: Path, *said: bytes) -> list[str]:
         ([b"drive fault: x\n"], 1),  # and killed in its aftermath
     ],
 )
-def test_one_log_for_a_fault_or_a_death_and_none_for_an_orderly_end(path, logs, said, logs_written):
+def test_one_log_for_a_fault_or_a_crash_and_none_for_an_orderly_end(path, logs, said, logs_written):
     filled(path)
     reported = helper(path, logs, *said)
     assert len(reported) == logs_written
-    assert len(list(logs.glob("[!.]*.blf"))) == logs_written
-    assert not path.exists(), "the ring is of no use any more"
+    assert len(saved(logs)) == logs_written
+    assert not path.exists(), "the ring is removed"
 
 
 def test_a_fault_waits_for_its_aftermath_and_the_next_is_another(path, logs, monkeypatch):
@@ -179,25 +196,25 @@ def test_a_helper_leaves_the_ring_of_the_next_daemon_alone(path, logs, monkeypat
     assert path.exists()
 
 
-def test_a_ring_without_frames_is_no_log(path, logs):
+def test_a_ring_without_frames_makes_no_log(path, logs):
     filled(path, 0)
     assert helper(path, logs) == []
     assert not path.exists()
 
 
-def test_what_no_one_looks_after_is_saved(path, logs):
+def test_a_ring_without_a_helper_is_saved(path, logs):
     assert save_left_over(path, logs) is None
     filled(path)
     with path.open("rb") as ring:
         fcntl.flock(ring, fcntl.LOCK_EX)
-        assert save_left_over(path, logs, timeout_s=0.1) is None, "it is looked after"
+        assert save_left_over(path, logs, timeout_s=0.1) is None, "a helper holds it"
     saved = save_left_over(path, logs)
     assert saved is not None
     assert ids(saved) == [0x181, 0x182, 0x183]
     assert not path.exists()
 
 
-def test_no_place_for_it_is_no_reason_not_to_run(path, tmp_path, caplog):
+def test_the_daemon_runs_without_a_place_for_the_black_box(path, tmp_path, caplog):
     (tmp_path / "state").write_text("a file")
     with BlackBox(path, tmp_path / "state", 10.0) as box:
         assert box.ring is None
@@ -223,10 +240,8 @@ def test_kill_9_with_the_real_helper(path, logs):
     )
     done = subprocess.run([sys.executable, "-c", program, str(path), str(logs)], check=False)
     assert done.returncode == -signal.SIGKILL
-    end = time.monotonic() + 20.0
-    while path.exists() and time.monotonic() < end:
-        time.sleep(0.05)
-    (log,) = logs.glob("[!.]*.blf")
+    wait_for(lambda: not path.exists())
+    (log,) = saved(logs)
     assert ids(log) == [0x200 + k for k in range(300)]
 
 
@@ -243,13 +258,11 @@ def test_a_start_that_failed_leaves_no_log(path, logs, begun, monkeypatch):
 
     with pytest.raises(OSError, match="does not answer"):
         fail()
-    end = time.monotonic() + 20.0
-    while path.exists() and time.monotonic() < end:
-        time.sleep(0.05)
-    assert len(list(logs.glob("[!.]*.blf"))) == int(begun)
+    wait_for(lambda: not path.exists())
+    assert len(saved(logs)) == int(begun)
 
 
-def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, logs, caplog):
+def test_a_helper_that_was_killed_is_restarted_and_saves_the_fault(path, logs, caplog):
     with BlackBox(path, logs, 10.0) as box:
         box.begin()
         box.ring.put(time.monotonic(), 0x181, b"", False)
@@ -261,13 +274,9 @@ def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, log
         assert not caplog.records
         box.look_after(100.0)
         assert box._helper is not first
-        assert [r.message for r in caplog.records] == [
-            "the black box's helper ended (-9): restarting it"
-        ]
-        end = time.monotonic() + 20.0
-        while not list(logs.glob("[!.]*.blf")) and time.monotonic() < end:
-            time.sleep(0.05)
-        (log,) = logs.glob("[!.]*.blf")
+        assert caplog.messages == ["the black box's helper ended (-9): restarting it"]
+        wait_for(lambda: saved(logs))
+        (log,) = saved(logs)
         box._helper.kill()
         box._helper.wait()
         box.look_after(101.0)
@@ -284,7 +293,7 @@ BUSY = (
 )
 
 
-def test_a_log_that_takes_long_does_not_keep_a_faulted_daemon(path, logs, monkeypatch, caplog):
+def test_a_faulted_daemon_ends_before_a_slow_log_is_written(path, logs, monkeypatch, caplog):
     helpers, waited = [], []
 
     def start(ring, _):
@@ -315,7 +324,7 @@ def test_a_log_that_takes_long_does_not_keep_a_faulted_daemon(path, logs, monkey
     helper.wait()
     helper.stdout.close()
     with BlackBox(path, logs, 10.0):
-        (log,) = logs.glob("[!.]*.blf")
+        (log,) = saved(logs)
     assert ids(log) == [0x181], "saved at the next start"
 
 
@@ -331,7 +340,7 @@ def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
 
 
 @pytest.mark.parametrize("more", [[], ["--left-over"]])
-def test_who_may_not_read_the_ring_is_reported_how_to_be_let_in(tmp_path, monkeypatch, more):
+def test_a_user_who_may_not_read_the_ring_is_reported_its_group(tmp_path, monkeypatch, more):
     def denied(path, **_):
         raise PermissionError(13, "Permission denied", str(path))
 
@@ -339,45 +348,33 @@ def test_who_may_not_read_the_ring_is_reported_how_to_be_let_in(tmp_path, monkey
     filled(ring)
     monkeypatch.setattr("programs.contactd.black_box.open_regular", denied)
     monkeypatch.setattr(Path, "group", lambda _: "contact")
-    result = CliRunner().invoke(main, ["black-box", "--socket", str(tmp_path / "control"), *more])
+    result = command(tmp_path / "control", *more)
     assert result.exit_code == 69
     assert result.stderr.startswith(f"contactd: you may not use {ring}: join the group contact")
 
 
-def make_fifo(path):
-    os.mkfifo(path)
+def link(path: Path) -> None:
+    """Link to a ring."""
+    filled(path.with_name("other"))
+    path.symlink_to("other")
 
 
-def make_link(path):
-    other = path.with_name("other")
-    filled(other)
-    path.symlink_to(other)
-
-
-def make_link_to_nothing(path):
-    path.symlink_to(path.with_name("nothing"))
-
-
-def make_socket(path):
+def bound_socket(path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as bound:
         bound.bind(str(path))
-
-
-def make_folder(path):
-    path.mkdir()
 
 
 @pytest.mark.parametrize(
     ("make", "word"),
     [
-        (make_fifo, "is not a regular file"),
-        (make_link, "is a link, not a file"),
-        (make_link_to_nothing, "is a link, not a file"),
-        (make_socket, "is not a regular file"),
-        (make_folder, "Is a directory"),
+        pytest.param(os.mkfifo, "is not a regular file", id="fifo"),
+        pytest.param(link, "is a link, not a file", id="link"),
+        pytest.param(lambda path: path.symlink_to("nothing"), "is a link, not a file", id="broken"),
+        pytest.param(bound_socket, "is not a regular file", id="socket"),
+        pytest.param(Path.mkdir, "Is a directory", id="folder"),
     ],
 )
-def test_what_is_no_ring_in_its_place_is_refused_without_waiting(
+def test_another_file_in_place_of_the_ring_is_refused_without_waiting(
     tmp_path, logs, caplog, impatient, make, word
 ):
     ring = ring_path(tmp_path / "control")
@@ -389,28 +386,21 @@ def test_what_is_no_ring_in_its_place_is_refused_without_waiting(
     assert line == f"no black box: {ring}: {word}"
     assert ring.lstat().st_ino == before.st_ino, "it is left where it is"
     for more in ([], ["--left-over"]):
-        result = CliRunner().invoke(
-            main, ["black-box", "--socket", str(tmp_path / "control"), *more]
-        )
+        result = command(tmp_path / "control", *more)
         assert result.exit_code == 65
         assert result.stderr.startswith(f"contactd: {ring}: "), result.stderr
     with pytest.raises((LogError, OSError), match=word):
         follow(ring, logs, -1, print)
 
 
-def test_by_hand(tmp_path, monkeypatch):
-    socket = tmp_path / "control"
+def test_the_command_saves_the_ring_and_one_left_over(tmp_path, logs, monkeypatch):
+    socket, output = tmp_path / "control", tmp_path / "now.log"
     filled(ring_path(socket))
-    output = tmp_path / "now.log"
-    run = ["black-box", "--socket", str(socket)]
-    result = CliRunner().invoke(main, [*run, "--output", str(output)], catch_exceptions=False)
-    assert result.output == f"3 frames, 0.0 s: {output}\n"
+    assert command(socket, "--output", str(output)).output == f"3 frames, 0.0 s: {output}\n"
     assert ids(output) == [0x181, 0x182, 0x183]
-    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
-    result = CliRunner().invoke(main, [*run, "--left-over"], catch_exceptions=False)
-    assert result.exit_code == 0
-    assert len(list((tmp_path / "state").iterdir())) == 1
-    result = CliRunner().invoke(main, [*run, "--left-over"], catch_exceptions=False)
+    monkeypatch.setenv("STATE_DIRECTORY", str(logs))
+    assert command(socket, "--left-over").exit_code == 0
+    assert len(list(logs.iterdir())) == 1
+    result = command(socket, "--left-over")
     assert (result.exit_code, result.output) == (0, "")
-    result = CliRunner().invoke(main, run, catch_exceptions=False)
-    assert result.exit_code == 65
+    assert command(socket).exit_code == 65

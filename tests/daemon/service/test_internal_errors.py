@@ -46,7 +46,7 @@ def test_a_payload_without_a_lever_is_carried(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_one_that_breaks_is_answered_logged_and_over(
+def test_a_request_that_breaks_is_answered_and_logged(
     served: ServedDaemon,
     client: Client,
     monkeypatch: pytest.MonkeyPatch,
@@ -67,7 +67,7 @@ def test_one_that_breaks_is_answered_logged_and_over(
     assert served.rig.tick.controller.motion.follower.place.path is place.path
 
 
-def test_a_thousand_leave_some_lines_in_the_log(
+def test_many_errors_leave_few_lines_in_the_log(
     served: ServedDaemon,
     client: Client,
     monkeypatch: pytest.MonkeyPatch,
@@ -80,7 +80,7 @@ def test_a_thousand_leave_some_lines_in_the_log(
 
 
 @pytest.mark.parametrize("encodes", [False, True])
-def test_what_cannot_be_read_or_written_is_answered(
+def test_an_error_of_decoding_or_encoding_is_answered(
     served: ServedDaemon, client: Client, encodes: bool
 ) -> None:
     control = served.service.control
@@ -121,7 +121,7 @@ def test_what_cannot_be_read_or_written_is_answered(
         ("off", "stop", Commands, "_reply", Mode.OFF),
     ],
 )
-def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
+def test_a_request_that_breaks_half_way_begins_no_motion(
     served: ServedDaemon,
     client: Client,
     monkeypatch: pytest.MonkeyPatch,
@@ -152,7 +152,7 @@ def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
 
 @pytest.mark.parametrize("command", ["enable", "start", "go", "arm", "stop", "gain", "reset"])
 @pytest.mark.parametrize("mode", list(Mode))
-def test_no_remedy_makes_an_arm_more_willing(command: Any, mode: Mode) -> None:
+def test_no_remedy_arms_or_starts_the_arm(command: Any, mode: Mode) -> None:
     for was in Mode:
         checkpoint = Checkpoint(was, armed=False, place=None, lease=None)  # type: ignore[arg-type]
         for armed in (False, True):
@@ -164,15 +164,13 @@ def test_no_remedy_makes_an_arm_more_willing(command: Any, mode: Mode) -> None:
                 assert command not in STILLING or mode not in ENERGISED
 
 
-def test_an_error_of_the_tick_is_still_one(
-    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_of_a_tick_ends_it(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Controller, "step", breaks)
     with pytest.raises(ZeroDivisionError):
         served.tick()
 
 
-def test_its_words_are_one_line_of_bounded_length() -> None:
+def test_the_text_of_an_error_is_one_line_of_bounded_length() -> None:
     text = error_in_words(ValueError("a\nb" + 1000 * "x"))
     assert text.startswith("internal error: ValueError: a?bx")
     assert len(text) < 300

@@ -1,4 +1,4 @@
-"""A log that no client can fill, and that still says who did what."""
+"""Limit of the log: no client can fill it, and it still names each command and its sender."""
 
 import re
 
@@ -30,7 +30,7 @@ def test_a_flood_is_counted_and_nothing_of_it_is_hidden() -> None:
     assert 6000 - 101 <= written + sum(counts) <= 6000  # the last second is still to be reported
 
 
-def test_it_is_reported_once_it_is_over() -> None:
+def test_left_out_lines_are_reported_when_the_flood_ends() -> None:
     limit = LogLimit()
     while limit.admit("armed", 0.0):
         pass

@@ -18,7 +18,7 @@ Connect = Callable[..., Notifier]
 
 @pytest.fixture(params=["path", "abstract"])
 def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[socket.socket]:
-    """A receiving socket; `address_of` says how $NOTIFY_SOCKET would name it."""
+    """A receiving socket; `address_of` gives its name as in $NOTIFY_SOCKET."""
     name = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as receiver:
         receiver.bind("\0" + name if request.param == "abstract" else name)
@@ -46,9 +46,7 @@ def received(manager: socket.socket) -> list[bytes]:
             return messages
 
 
-def test_while_the_files_are_read_anew_the_watchdog_waits_as_at_a_start(
-    manager: socket.socket, connect: Connect
-) -> None:
+def test_a_reload_lengthens_the_watchdogs_timeout(manager: socket.socket, connect: Connect) -> None:
     notifier = connect(address_of(manager), 2.0)
     notifier.ready("off")
     notifier.reloading("reading", 12.5)
@@ -72,9 +70,7 @@ def test_ready_status_and_stopping(manager: socket.socket, connect: Connect) -> 
     ]
 
 
-def test_the_watchdog_is_fed_by_ticks_alone_and_four_times_per_timeout(
-    manager: socket.socket, connect: Connect
-) -> None:
+def test_ticks_feed_the_watchdog_in_time(manager: socket.socket, connect: Connect) -> None:
     notifier = connect(address_of(manager), watchdog_s=0.4)
     notifier.ready("")
     received(manager)
@@ -91,14 +87,14 @@ def test_the_watchdog_is_fed_by_ticks_alone_and_four_times_per_timeout(
     assert received(manager) == [b"WATCHDOG=1"]
 
 
-def test_without_a_watchdog_ticks_say_nothing(manager: socket.socket, connect: Connect) -> None:
+def test_ticks_send_nothing_without_a_watchdog(manager: socket.socket, connect: Connect) -> None:
     notifier = connect(address_of(manager))
     for k in range(100):
         notifier.ticked(k * T)
     assert received(manager) == []
 
 
-def test_a_manager_that_takes_nothing_is_never_waited_for(
+def test_a_full_socket_is_never_waited_for(
     manager: socket.socket, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     notifier = connect(address_of(manager), watchdog_s=4 * T)
@@ -119,9 +115,7 @@ def test_a_manager_that_takes_nothing_is_never_waited_for(
     assert received(manager) == []
 
 
-def test_ready_is_not_lost_when_the_socket_was_full(
-    manager: socket.socket, connect: Connect
-) -> None:
+def test_ready_is_sent_again_after_a_full_socket(manager: socket.socket, connect: Connect) -> None:
     other = connect(address_of(manager))
     for k in range(1000):
         other.status(str(k))
@@ -150,9 +144,7 @@ def test_without_a_manager_nothing_happens(address: str, connect: Connect) -> No
         ({"WATCHDOG_USEC": "soon"}, 0.0),
     ],
 )
-def test_the_timeout_comes_from_the_environment(
-    environment: dict[str, str], feed_every_s: float
-) -> None:
+def test_the_timeout_of_the_environment(environment: dict[str, str], feed_every_s: float) -> None:
     with closing(notifier_of(environment, os.getpid())) as notifier:
         assert notifier.feed_every_s == feed_every_s
 

@@ -48,7 +48,7 @@ def on_again(served: ServedDaemon) -> None:
 
 
 @pytest.mark.parametrize("robot", [SINGLE_JOINT, DESK_ARM, ROMEO], ids=lambda path: path.name)
-def test_each_is_answered_and_no_tick_breaks(
+def test_every_odd_request_is_answered_and_no_tick_breaks(
     tmp_path: Path, robot: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served_daemon(tmp_path, robot) as served:
@@ -92,14 +92,13 @@ def test_each_is_answered_and_no_tick_breaks(
     ],
 )
 def test_a_number_out_of_bounds_is_refused_with_value_and_range(
-    served: ServedDaemon, packet: str, allowed: str
+    on: ServedDaemon, packet: str, allowed: str
 ) -> None:
-    served.rig.enable()
-    answer = asked(served, packet.encode())
+    answer = asked(on, packet.encode())
     assert not answer["ok"]
     assert allowed in " ".join([answer["message"], *answer.get("reasons", [])])
     assert "expected {" not in answer["message"]
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
 @pytest.mark.parametrize(
@@ -133,9 +132,8 @@ def test_every_number_of_a_request_has_bounds_in_the_schema() -> None:
     assert all("minimum" in one and "maximum" in one for one in found), found
 
 
-def test_a_slow_way_still_ends_where_it_should(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: client.go(targets={"joint": 0.0}, speed=0.001))
+def test_the_slowest_motion_has_a_bounded_duration(on: ServedDaemon, client: Client) -> None:
+    reply = on.until(lambda: client.go(targets={"joint": 0.0}, speed=0.001))
     assert reply.ok, reply
     assert reply.way.duration_s < 10_000.0
-    served.rig.request(Event.STOP)
+    on.rig.request(Event.STOP)

@@ -1,4 +1,4 @@
-"""docs/playback.md: led by hand, recorded, brought back, and played, as the page says."""
+"""Playback as in docs/playback.md: led by hand, recorded, moved back, and played."""
 
 import re
 import threading
@@ -15,7 +15,7 @@ from programs.clients.trajectory_recorder import Recorded, record_trajectory
 from programs.contactctl import contactctl, go
 
 
-def test_what_was_led_is_played(served: ServedDaemon, tmp_path: Path) -> None:
+def test_a_led_motion_is_played_back(served: ServedDaemon, tmp_path: Path) -> None:
     path, rig = tmp_path / "move.csv", served.rig
     assert served.contactctl("enable").exit_code == 0
     assert served.contactctl("arm").exit_code == 0

@@ -1,5 +1,5 @@
-"""Claims of the real-time set-up, held against what the kernel says; in a process of its
-own, for most of it cannot be taken back."""
+"""Report of the real-time set-up, compared with the kernel's; in a separate process, as most of it
+cannot be undone."""
 
 import json
 import os
@@ -47,7 +47,7 @@ def outcome(mode: str, cpus: tuple[int, ...] = ()) -> dict:
     return json.loads(done.stdout)
 
 
-def test_what_is_reported_is_what_the_kernel_says() -> None:
+def test_the_report_agrees_with_the_kernel() -> None:
     found = outcome("as it is")
     report = found["report"]
     assert report["memory"][0] is (found["locked_kB"] > 10_000)
@@ -59,25 +59,23 @@ def test_what_is_reported_is_what_the_kernel_says() -> None:
     assert report["cpu"][0] is ((os.cpu_count() or 1) == 1)
 
 
-def test_without_rights_it_works_and_says_so() -> None:
+def test_missing_rights_are_reported_and_the_program_runs() -> None:
     found = outcome("no rights")
     report = found["report"]
-    assert report["memory"] == [False, "memory not locked (Cannot allocate memory)"] or report[
-        "memory"
-    ] == [False, "memory not locked (Operation not permitted)"]
+    reasons = ("Cannot allocate memory", "Operation not permitted")
+    assert report["memory"] in [[False, f"memory not locked ({reason})"] for reason in reasons]
     assert report["priority"] == [False, "no real-time priority (Operation not permitted)"]
     assert found["locked_kB"] == 0
     assert found["policy"] == os.SCHED_OTHER
 
 
-def test_threads_that_the_numeric_libraries_run_are_seen() -> None:
+def test_threads_of_the_numeric_libraries_are_reported() -> None:
     found = outcome("many threads")
     achieved, text = found["report"]["threads"]
     # OpenBLAS starts no more than there are CPUs.
     assert achieved is (found["threads"] == 1)
-    assert achieved or text == (
-        f"numeric libraries run {found['threads'] - 1} threads of their own"
-    )
+    more = found["threads"] - 1
+    assert achieved or text == f"numeric libraries run {more} threads of their own"
 
 
 def test_one_cpu_of_many_is_named() -> None:

@@ -47,12 +47,16 @@ def bad_gear(written: dict[str, Any]) -> None:
 def test_enable_takes_up_what_was_edited(served: ServedDaemon, arm: Path) -> None:
     edit(arm, softer)
     result = served.contactctl("enable")
-    assert (result.exit_code, result.stdout) == (
-        0,
-        "taking up config.yaml\nholding: drives enabled\n",
-    )
+    assert result.exit_code == 0
+    assert result.stdout == "taking up config.yaml\nholding: drives enabled\n"
     assert gain_of(served) == 0.111
-    assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.111"]
+    assert served.contactctl("gain", "joint").stdout.split() == [
+        "joint",
+        "0.111",
+        "rad/s",
+        "per",
+        "Nm",
+    ]
 
 
 MASSES = (
@@ -61,7 +65,7 @@ MASSES = (
 )
 
 
-def test_an_arm_has_one_model(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reload_builds_no_model_twice(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Model] = []
     build = Model.__init__
 
@@ -87,7 +91,7 @@ def test_an_arm_has_one_model(arm: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         assert (built[2].mass, built[3].mass) == (1.0, 1.1)
 
 
-def test_a_program_that_enables_is_reported_to_reload(served: ServedDaemon, arm: Path) -> None:
+def test_enable_of_a_program_is_refused_with_the_advice(served: ServedDaemon, arm: Path) -> None:
     edit(arm, softer)
     with Client(served.path) as client:
         reply = served.ask(client, "enable")
@@ -99,7 +103,7 @@ def test_a_program_that_enables_is_reported_to_reload(served: ServedDaemon, arm:
 
 
 @pytest.mark.parametrize("name", ["identified.yaml", "config.yaml", "URDF", "EDS"])
-def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
+def test_a_change_of_each_file_is_found(served: ServedDaemon, arm: Path, name: str) -> None:
     c = served.service.process.robot.configuration
     eds = next(iter(c.drives.values())).eds
     path = arm / {"URDF": c.urdf, "EDS": eds}.get(name, name)
@@ -116,8 +120,8 @@ def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("ends", [b"\r", b"\r\r\n", b"\r\n"])
-def test_lines_may_end_as_they_like(served: ServedDaemon, arm: Path, ends: bytes) -> None:
-    """A second reading says what was read, or no client could ever enable."""
+def test_line_ends_of_every_kind_are_read(served: ServedDaemon, arm: Path, ends: bytes) -> None:
+    """A second reading finds no change, or no client could ever enable."""
     edit(arm, softer)
     path = arm / "config.yaml"
     path.write_bytes(path.read_bytes().replace(b"\n", ends))
@@ -125,7 +129,7 @@ def test_lines_may_end_as_they_like(served: ServedDaemon, arm: Path, ends: bytes
     assert served.service.process.files.changed() == []
 
 
-def test_looking_takes_no_more_room_than_the_files(served: ServedDaemon, arm: Path) -> None:
+def test_looking_for_changes_takes_little_memory(served: ServedDaemon, arm: Path) -> None:
     """In locked memory each page costs: 64 MB of them would cost the drives their heartbeat."""
     files = served.service.process.files
     edit(arm, softer)
@@ -146,7 +150,7 @@ def test_files_are_not_looked_at_while_the_drives_are_on(served: ServedDaemon, a
     assert "changed since it was read: config.yaml" in served.contactctl("status").stdout
 
 
-def test_never_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
+def test_a_reload_is_refused_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
     assert served.contactctl("enable").exit_code == 0
     edit(arm, softer)
     result = served.contactctl("reload")
@@ -170,7 +174,7 @@ def test_never_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
         (lambda path: path.unlink(), "config.yaml"),
     ],
 )
-def test_what_is_bad_is_not_taken_up_and_nothing_is_enabled(
+def test_a_broken_file_is_not_taken_up_and_nothing_is_enabled(
     served: ServedDaemon, arm: Path, spoil: Callable[[Path], None], words: str
 ) -> None:
     before = gain_of(served)
@@ -194,15 +198,14 @@ def test_what_is_bad_is_not_taken_up_and_nothing_is_enabled(
     assert served.service.summary() == "holding, not armed: drives enabled"
 
 
-def test_a_fault_is_reset_first(served: ServedDaemon) -> None:
-    served.rig.enable()
-    served.rig.tick.controller.machine.mode = Mode.FAULTED
-    with Client(served.path) as client:
-        reply = served.ask(client, "reload")
+def test_a_fault_is_reset_first(on: ServedDaemon) -> None:
+    on.rig.tick.controller.machine.mode = Mode.FAULTED
+    with Client(on.path) as client:
+        reply = on.ask(client, "reload")
     assert reply.reasons == ["the drives must be off, not faulted: `contactctl reset` first"]
 
 
-def test_two_callers_at_once(served: ServedDaemon, arm: Path) -> None:
+def test_two_reloads_at_once(served: ServedDaemon, arm: Path) -> None:
     edit(arm, softer)
     outcomes: list[str] = []
 
@@ -226,7 +229,7 @@ def test_two_callers_at_once(served: ServedDaemon, arm: Path) -> None:
     assert served.contactctl("enable").exit_code == 0
 
 
-def test_who_asks_for_anything_meanwhile_is_refused(served: ServedDaemon) -> None:
+def test_commands_during_a_reload_are_refused(served: ServedDaemon) -> None:
     with Client(served.path) as first, Client(served.path) as second:
         served.service.commands.reloading = True
         # As in the tick in which it was asked for.
@@ -264,7 +267,7 @@ def test_a_recording_ends_whole(served: ServedDaemon, arm: Path, tmp_path: Path)
     assert kinds.count(State) == made[0].states > 40
 
 
-def test_who_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> None:
+def test_a_client_that_watches_reconnects_by_itself(served: ServedDaemon, arm: Path) -> None:
     """The page, the door to ROS 2 and programs follow so."""
     followed: list[str] = []
 
@@ -289,9 +292,7 @@ def test_who_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> No
     assert "lost" in followed
 
 
-def test_a_reload_that_is_not_taken_up_is_an_error_to_programs(
-    served: ServedDaemon, arm: Path
-) -> None:
+def test_a_refused_reload_is_an_error_to_a_program(served: ServedDaemon, arm: Path) -> None:
     edit(arm, bad_gear)
     with pytest.raises(ControlError, match=r"not taken up: .*gear"):
         served.until(lambda: reload(served.path))

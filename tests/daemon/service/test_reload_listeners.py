@@ -139,7 +139,7 @@ def test_foxglove(served: ServedDaemon, arm: Path) -> None:
     assert said.count(f"ws://127.0.0.1:{port}: 1 joints") == 2
 
 
-def test_the_door_to_ros_and_the_fleet(served: ServedDaemon, arm: Path) -> None:
+def test_ros_bridge_and_fleet(served: ServedDaemon, arm: Path) -> None:
     """The same node all the time; the description comes anew, and the fleet sees one arm, alive."""
     store, described, named = get_typestore(Stores.ROS2_JAZZY), list[str](), list[list[str]]()
 

@@ -40,9 +40,7 @@ def until_disarmed(served: ServedDaemon, limit_s: float) -> tuple[float, str]:
     return took, cause_of_disarming(served)
 
 
-def test_arm_may_follow_enable_at_once(
-    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arm_waits_after_enable(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     served.idle_s = 0.02  # a tick for each time that the command looks
     monkeypatch.setattr(replies, "SENSING_WAIT_S", 60.0)  # of a clock that the ticks do not follow
     with Client(served.path) as client:
@@ -51,27 +49,25 @@ def test_arm_may_follow_enable_at_once(
     assert reply.ok, reply.reasons
 
 
-def test_arm_shows_every_check_and_who_armed(served: ServedDaemon) -> None:
-    served.rig.enable()
-    result = served.contactctl("arm")
+def test_arm_shows_every_check_and_who_armed(on: ServedDaemon) -> None:
+    result = on.contactctl("arm")
     lines = result.stdout.splitlines()
     assert result.exit_code == 0, result.stderr
     assert all(line.startswith("passed  ") for line in lines[:14])
     assert lines[14].startswith("smallest touch")
     assert lines[-1] == "arm: holding, armed for 10 min"
-    status = json.loads(served.contactctl("status", "--json").stdout)
+    status = json.loads(on.contactctl("status", "--json").stdout)
     permit = status["permit"]
     assert (permit["uid"], permit["pid"], permit["detached"]) == (os.getuid(), os.getpid(), True)
     assert permit["left_s"] == pytest.approx(600.0, abs=0.5)
-    assert f"(pid {os.getpid()}) for another" in served.contactctl("status").stdout
+    assert f"(pid {os.getpid()}) for another" in on.contactctl("status").stdout
 
 
-def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
-    served.rig.enable()
-    served.run(0.5)
-    shown = served.contactctl("arm").stdout.splitlines()
-    felt = json.loads(served.contactctl("--json", "arm").stdout)["sensitivity"]
-    rig = served.rig
+def test_arm_shows_the_smallest_touch(on: ServedDaemon) -> None:
+    on.run(0.5)
+    shown = on.contactctl("arm").stdout.splitlines()
+    felt = json.loads(on.contactctl("--json", "arm").stdout)["sensitivity"]
+    rig = on.rig
     joint = rig.robot.configuration.joints[0]
     # At rest: the level in force, of an arm that rests.
     assert felt["resting"] == pytest.approx(rig.estimate.threshold.tolist(), rel=1e-3)
@@ -90,25 +86,24 @@ def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
     assert len(felt["tool_resting"]["undetected"]) == 2
     assert f"joint             {felt['moving'][0]:.2f} Nm    {felt['resting'][0]:.2f} Nm" in shown
     assert shown[-2].startswith(f"  at rest    {felt['resting'][0] / lever:.1f} N at best")
-    assert shown[-2] in served.contactctl("status").stdout
+    assert shown[-2] in on.contactctl("status").stdout
 
 
-def test_a_push_as_large_as_it_says_is_felt(served: ServedDaemon) -> None:
+def test_a_push_of_the_stated_smallest_touch_is_detected(on: ServedDaemon) -> None:
     """And one of half of it is not: less than in motion, for it moves the link through its gap."""
-    served.rig.enable()
-    assert served.contactctl("arm").exit_code == 0
-    served.run(0.5)
-    felt = sensitivity_now(served.rig.tick)
+    assert on.contactctl("arm").exit_code == 0
+    on.run(0.5)
+    felt = sensitivity_now(on.rig.tick)
     assert felt is not None
-    lever = np.linalg.norm(served.rig.tick.estimator.model.tool_jacobian(served.rig.estimate.q))
+    lever = np.linalg.norm(on.rig.tick.estimator.model.tool_jacobian(on.rig.estimate.q))
     force = felt.tool_resting.least_N
     for share, yields in ((0.5, False), (1.3, True)):
-        served.rig.arm.external_torque[0] = share * force * lever
-        served.run(1.0)
-        assert (served.rig.mode is Mode.ADMITTANCE) == yields, (share, served.rig.estimate)
+        on.rig.arm.external_torque[0] = share * force * lever
+        on.run(1.0)
+        assert (on.rig.mode is Mode.ADMITTANCE) == yields, (share, on.rig.estimate)
 
 
-def test_before_the_first_samples_nothing_is_said_to_be_felt(served: ServedDaemon) -> None:
+def test_no_smallest_touch_is_known_before_the_first_samples(served: ServedDaemon) -> None:
     served.rig.tick.last = None
     assert sensitivity_now(served.rig.tick) is None
 
@@ -125,120 +120,108 @@ def test_arm_is_refused_with_the_checks_that_failed(served: ServedDaemon) -> Non
     assert not armed(served)
 
 
-def test_a_persons_lease_outlives_the_connection_and_runs_out(served: ServedDaemon) -> None:
-    served.rig.enable()
-    assert served.contactctl("arm", "--lease", "1.5").exit_code == 0
-    assert served.service.control.connections <= 1
-    took, cause = until_disarmed(served, 2.0)
+def test_a_persons_lease_outlives_the_connection_and_runs_out(on: ServedDaemon) -> None:
+    assert on.contactctl("arm", "--lease", "1.5").exit_code == 0
+    assert on.service.control.connections <= 1
+    took, cause = until_disarmed(on, 2.0)
     assert took == pytest.approx(1.5, abs=0.1)
     assert cause == f"disarmed: the lease of uid {os.getuid()} (pid {os.getpid()}) ran out"
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
     ended = f"HOLDING   not armed: {cause.removeprefix('disarmed: ')} (0 s ago)"
-    assert ended in served.contactctl("status").stdout
+    assert ended in on.contactctl("status").stdout
 
 
-def test_arming_again_renews(served: ServedDaemon) -> None:
-    served.rig.enable()
-    assert served.contactctl("arm", "--lease", "1").exit_code == 0
-    served.run(0.7)
-    renewed = served.contactctl("arm", "--lease", "1")
+def test_arming_again_renews(on: ServedDaemon) -> None:
+    assert on.contactctl("arm", "--lease", "1").exit_code == 0
+    on.run(0.7)
+    renewed = on.contactctl("arm", "--lease", "1")
     assert renewed.stdout.startswith("smallest touch")  # no checks: it is armed already
     assert renewed.stdout.endswith("\narm: holding, armed for 1.0 s\n")
-    took, _ = until_disarmed(served, 2.0)
+    took, _ = until_disarmed(on, 2.0)
     assert took == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_program_holds_its_lease_by_renewing(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
-    assert served.until(client.arm).ok
+def test_a_program_holds_its_lease_by_renewing(on: ServedDaemon, client: Client) -> None:
+    assert on.until(client.arm).ok
     for _ in range(3):
-        served.run(0.4)
-        assert served.until(client.renew).ok
-    served.run(0.4)
-    assert armed(served)
-    took, cause = until_disarmed(served, 1.0)
+        on.run(0.4)
+        assert on.until(client.renew).ok
+    on.run(0.4)
+    assert armed(on)
+    took, cause = until_disarmed(on, 1.0)
     assert took < 0.115  # what is left of half a second, and a tick
     assert "ran out" in cause
 
 
-def test_a_program_that_is_gone_leaves_the_arm_holding(served: ServedDaemon) -> None:
-    served.rig.enable()
-    client = Client(served.path)
-    assert served.until(lambda: client.arm(3600.0)).ok
-    served.rig.arm.external_torque[0] = 3.0
-    served.run(0.3)
-    assert served.rig.mode is Mode.ADMITTANCE
+def test_an_arm_whose_program_is_gone_holds_disarmed(on: ServedDaemon) -> None:
+    client = Client(on.path)
+    assert on.until(lambda: client.arm(3600.0)).ok
+    on.rig.arm.external_torque[0] = 3.0
+    on.run(0.3)
+    assert on.rig.mode is Mode.ADMITTANCE
     client.close()
-    took, cause = until_disarmed(served, 0.1)
+    took, cause = until_disarmed(on, 0.1)
     assert took <= 0.02
     assert cause == (f"disarmed: uid {os.getuid()} (pid {os.getpid()}), who had armed it, is gone")
-    served.run(0.5)
-    assert served.rig.mode is Mode.HOLDING
+    on.run(0.5)
+    assert on.rig.mode is Mode.HOLDING
 
 
-def test_while_guided_the_owner_renews(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
-    assert served.until(client.arm).ok
-    served.rig.arm.external_torque[0] = 3.0
+def test_while_guided_the_owner_renews(on: ServedDaemon, client: Client) -> None:
+    assert on.until(client.arm).ok
+    on.rig.arm.external_torque[0] = 3.0
     for _ in range(4):
-        served.run(0.3)
-        assert served.until(client.renew).ok
-    assert served.rig.mode is Mode.ADMITTANCE
+        on.run(0.3)
+        assert on.until(client.renew).ok
+    assert on.rig.mode is Mode.ADMITTANCE
 
 
-def test_renewing_never_arms(served: ServedDaemon, client: Client) -> None:
+def test_renewing_never_arms(on: ServedDaemon, client: Client) -> None:
     """Nor does a program that goes on asking undo what another has done."""
-    served.rig.enable()
-    nothing = served.until(client.renew)
+    nothing = on.until(client.renew)
     assert nothing.reasons == ["not armed any more: `arm` it anew"]
-    assert served.until(lambda: client.arm(60.0)).ok
-    again = served.until(client.arm)
+    assert on.until(lambda: client.arm(60.0)).ok
+    again = on.until(client.arm)
     assert again.reasons == ["this connection has armed it already: use `renew`"]
-    assert served.until(lambda: client.renew(2.0)).message == "renew: holding, armed for 2.0 s"
-    assert served.contactctl("disarm").exit_code == 0
-    assert not served.until(client.renew).ok
-    assert not armed(served)
+    assert on.until(lambda: client.renew(2.0)).message == "renew: holding, armed for 2.0 s"
+    assert on.contactctl("disarm").exit_code == 0
+    assert not on.until(client.renew).ok
+    assert not armed(on)
 
 
-def test_only_who_armed_renews(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
-    assert served.contactctl("arm", "--lease", "60").exit_code == 0
-    refused = served.until(client.renew)
+def test_only_the_owner_renews(on: ServedDaemon, client: Client) -> None:
+    assert on.contactctl("arm", "--lease", "60").exit_code == 0
+    refused = on.until(client.renew)
     assert "only this owner can renew it" in refused.reasons[0]
-    with Client(served.path) as another:
-        assert served.contactctl("disarm").exit_code == 0
-        served.run(0.03)  # what is asked any sooner may be older than the disarm
-        assert served.until(another.arm).ok
-        assert not served.until(client.renew).ok
+    with Client(on.path) as another:
+        assert on.contactctl("disarm").exit_code == 0
+        on.run(0.03)  # what is asked any sooner may be older than the disarm
+        assert on.until(another.arm).ok
+        assert not on.until(client.renew).ok
 
 
-def test_renewing_takes_no_impossible_lease(client: Client) -> None:
+def test_renewing_with_an_impossible_lease_is_refused(client: Client) -> None:
     for lease_s in (0.0, -1.0, 86_401.0, float("nan")):
         with pytest.raises(ControlError, match="must be more than 0"):
             client.renew(lease_s)
 
 
-def test_another_owner_is_refused_and_everybody_disarms(
-    served: ServedDaemon, client: Client
-) -> None:
-    served.rig.enable()
-    assert served.until(lambda: client.arm(60.0)).ok
-    result = served.contactctl("arm")
+def test_another_owner_may_not_arm_and_may_disarm(on: ServedDaemon, client: Client) -> None:
+    assert on.until(lambda: client.arm(60.0)).ok
+    result = on.contactctl("arm")
     assert result.exit_code == 1
     assert f"armed by uid {os.getuid()} (pid {os.getpid()}) for another 1 min" in result.stderr
-    assert armed(served)
-    assert served.contactctl("disarm").exit_code == 0
-    assert not armed(served)
-    free = served.contactctl("arm")
+    assert armed(on)
+    assert on.contactctl("disarm").exit_code == 0
+    assert not armed(on)
+    free = on.contactctl("arm")
     assert free.exit_code == 0, free.output + free.stderr
-    refused = served.until(client.arm)
+    refused = on.until(client.arm)
     assert not refused.ok
     assert "for another 10 min" in refused.reasons[0]
 
 
-def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
-    served: ServedDaemon, client: Client
-) -> None:
+def test_status_advises_on_a_fault_until_its_reset(served: ServedDaemon, client: Client) -> None:
     def advice() -> str:
         status = served.ask(client, "status").status
         assert status is not None
@@ -259,7 +242,7 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
     assert status.advice == advice_of(Condition.BUS_LOADED)
 
 
-def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
+def test_arming_and_disarming_all_the_time_does_not_fill_the_log(
     served: ServedDaemon, client: Client, caplog: pytest.LogCaptureFixture
 ) -> None:
     served.ask(client, "enable")

@@ -20,7 +20,7 @@ from programs.clients.client import Client
 CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 
 
-def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
+def test_a_payload_is_set_shown_and_removed(served: ServedDaemon) -> None:
     assert (
         served.contactctl("payload").stdout
         == "none; a payload announced before the daemon started is forgotten\n"
@@ -59,7 +59,7 @@ def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
         (["6"], 1, "too heavy: the motors can hold at most"),
     ],
 )
-def test_what_cannot_be_carried_is_refused(
+def test_an_impossible_payload_is_refused(
     served: ServedDaemon, arguments: list[str], code: int, words: str
 ) -> None:
     result = served.contactctl("payload", *arguments)
@@ -68,7 +68,7 @@ def test_what_cannot_be_carried_is_refused(
     assert served.rig.tick.payload is None
 
 
-def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
+def test_contradicting_fields_are_refused(served: ServedDaemon, client: Client) -> None:
     for request, reason in (
         (SetPayload(), "it takes a `name`, or a `mass` with its `com`"),
         (SetPayload(name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
@@ -86,15 +86,14 @@ def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
         assert not reply.ok
 
 
-def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, client: Client) -> None:
-    rig = served.rig
-    rig.enable()
+def test_the_advice_on_a_recognised_load(on: ServedDaemon, client: Client) -> None:
+    rig = on.rig
     rig.request(Event.START)
-    served.run(1.0)
+    on.run(1.0)
     rig.request(Event.PAUSE)
-    served.run(1.0)
+    on.run(1.0)
     rig.tick.loads._recognition.found = Payload.of(0.4, rig.tick.estimator.model.tool_place)
-    status = served.until(client.ask_status)
+    status = on.until(client.ask_status)
     assert status.recognised == "looks like a load of 0.4 kg at the hand: `contactctl payload 0.4`"
     assert status.advice.splitlines() == [
         "announce the payload of the hand (`contactctl payload 0.4`), or remove it",
@@ -102,43 +101,41 @@ def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, clie
     ]
 
 
-def test_it_is_refused_while_a_person_guides_the_arm(served: ServedDaemon) -> None:
-    rig = served.rig
-    rig.enable()
-    served.run(1.0)
+def test_a_payload_is_refused_while_a_person_guides_the_arm(on: ServedDaemon) -> None:
+    rig = on.rig
+    on.run(1.0)
     assert not rig.permit()
     rig.arm.external_torque[0] = 3.0
-    served.run(0.5)
+    on.run(0.5)
     assert rig.mode is Mode.ADMITTANCE
-    result = served.contactctl("payload", "0.1")
+    result = on.contactctl("payload", "0.1")
     assert result.exit_code == 1
     assert "the arm is being guided: let go of it first" in result.stderr
     rig.arm.external_torque[0] = 0.0
-    served.run(3.0)
-    assert served.contactctl("payload", "0.1").exit_code == 0
+    on.run(3.0)
+    assert on.contactctl("payload", "0.1").exit_code == 0
     assert rig.tick.controller.machine.armed
 
 
-def test_an_announced_load_is_no_contact(served: ServedDaemon) -> None:
+def test_an_announced_load_is_no_contact(on: ServedDaemon) -> None:
     """0.5 kg at 0.2 m shows 1 Nm times the sine of its angle; announced, nothing."""
-    rig = served.rig
-    rig.enable()
+    rig = on.rig
     rig.request(Event.START)
-    served.run(6.0)
+    on.run(6.0)
     rig.arm.plant.carry(0.5, np.array([0.0, 0.0, -0.2]))
     place = np.array([0.0, 0.0, -0.2])
 
     def largest() -> float:
         found: list[float] = []
         for _ in range(500):
-            served.tick()
+            on.tick()
             found.append(abs(float(rig.estimate.residual[0])))
         return max(found)
 
     untold = largest()
-    answer = served.contactctl("payload", "0.5", "--com", *map(str, place))
+    answer = on.contactctl("payload", "0.5", "--com", *map(str, place))
     assert answer.exit_code == 0, answer.stderr
-    served.run(0.5)
+    on.run(0.5)
     assert largest() < 0.5 * untold
 
 
@@ -156,7 +153,7 @@ def test_names_come_from_the_configuration(tmp_path: Path) -> None:
             assert served.until(program.payload).message == "payload: none"
 
 
-def test_what_the_motors_can_hold_is_at_the_bound() -> None:
+def test_a_payload_is_too_heavy_just_beyond_the_motors_torque() -> None:
     """1 kg at 0.2 m and a motor of 12 Nm."""
     robot = load_robot(SINGLE_JOINT)
     capacity = PayloadCapacity(robot.configuration, robot.model)
@@ -168,30 +165,29 @@ def test_what_the_motors_can_hold_is_at_the_bound() -> None:
     assert capacity.too_heavy(Payload.of(1.001 * most, place))
 
 
-def test_states_without_it_are_read() -> None:
+def test_older_states_and_payloads_are_read() -> None:
     assert msgspec.json.decode(msgspec.json.encode({"mass": 1.0, "com": [0.0, 0.0, 0.0]}),
                                type=Payload).name == ""  # fmt: skip
     assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")
 
 
-def test_it_is_set_while_a_fault_is_latched_and_outlives_the_reset(served: ServedDaemon) -> None:
+def test_a_payload_set_during_a_fault_stays_after_the_reset(on: ServedDaemon) -> None:
     """Also twice the same: what was learned of the model's errors begins anew, nothing else."""
-    rig = served.rig
-    rig.enable()
-    served.run(0.5)
+    rig = on.rig
+    on.run(0.5)
     rig.tick.controller.machine.apply(Event.FAULT, "the test", rig.time_s)
-    served.run(0.2)
+    on.run(0.2)
     assert rig.mode is Mode.FAULTED
     for _ in range(2):
-        assert served.contactctl("payload", "0.3").exit_code == 0
+        assert on.contactctl("payload", "0.3").exit_code == 0
     assert rig.mode is Mode.FAULTED
-    assert served.contactctl("reset").exit_code == 0
-    served.run(0.7)
+    assert on.contactctl("reset").exit_code == 0
+    on.run(0.7)
     assert rig.mode is Mode.OFF
     rig.enable()
-    served.run(0.5)
+    on.run(0.5)
     assert rig.tick.payload is not None
     assert rig.tick.payload.mass == 0.3
     for _ in range(2):
-        assert served.contactctl("payload", "none").exit_code == 0
+        assert on.contactctl("payload", "none").exit_code == 0
     assert rig.tick.payload is None

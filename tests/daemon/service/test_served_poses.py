@@ -50,12 +50,9 @@ def stands(served: ServedDaemon) -> float:
 @pytest.mark.parametrize(
     ("words", "goal"), [(["home"], 0.3), (["go", "home"], 0.3), (["go", "joint=-0.25"], -0.25)]
 )
-def test_it_goes_there_and_says_what_it_does(
-    served: ServedDaemon, words: list[str], goal: float
-) -> None:
-    served.rig.enable()
-    began = stands(served)
-    result = served.contactctl(*words, "--yes")
+def test_go_moves_to_a_pose_and_prints_it(on: ServedDaemon, words: list[str], goal: float) -> None:
+    began = stands(on)
+    result = on.contactctl(*words, "--yes")
     assert result.exit_code == 0, result.stderr
     head, table, _, warning, end = result.stdout.splitlines()
     assert head.split() == ["from", "to", "distance", "speed", "time"]
@@ -63,14 +60,14 @@ def test_it_goes_there_and_says_what_it_does(
     assert figures[:4] == pytest.approx([began, goal, goal - began, 0.2], abs=2e-3)
     assert warning == command.NO_COLLISION_CHECK
     assert end.startswith("holding: the way to ")
-    served.run(0.3)
-    assert stands(served) == pytest.approx(goal, abs=0.01)
+    on.run(0.3)
+    assert stands(on) == pytest.approx(goal, abs=0.01)
 
 
 @pytest.mark.parametrize(
     ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
 )
-def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
+def test_the_printed_motion_ends_with_what_is_checked(shapes: bool, words: str) -> None:
     way = PlannedPath(
         name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0,
         shapes=shapes,
@@ -78,26 +75,24 @@ def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
     assert command.in_words(way).splitlines()[-1] == words
 
 
-def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, Go(pose="home", speed=0.1)))
+def test_the_planned_time_and_speed_are_kept(on: ServedDaemon) -> None:
+    reply = on.until(lambda: _ask(on, Go(pose="home", speed=0.1)))
     assert reply.way is not None
-    begun, where = served.rig.time_s, []
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-        where.append(float(served.rig.decision.reference[0]))
-    assert served.rig.time_s - begun == pytest.approx(reply.way.duration_s, abs=0.1)
-    period_s = served.rig.robot.configuration.period_s
+    begun, where = on.rig.time_s, []
+    while on.rig.mode is Mode.TRACKING:
+        on.tick()
+        where.append(float(on.rig.decision.reference[0]))
+    assert on.rig.time_s - begun == pytest.approx(reply.way.duration_s, abs=0.1)
+    period_s = on.rig.robot.configuration.period_s
     assert np.abs(np.diff(where)).max() / period_s == pytest.approx(max(reply.way.speed), rel=0.1)
 
 
-def test_a_plan_moves_nothing(served: ServedDaemon) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, Go(pose="far", plan=True)))
+def test_a_plan_moves_nothing(on: ServedDaemon) -> None:
+    reply = on.until(lambda: _ask(on, Go(pose="far", plan=True)))
     assert reply.ok
     assert (reply.message, reply.way.goal) == ("go: planned", [1.2])
-    served.run(0.2)
-    assert served.rig.mode is Mode.HOLDING
+    on.run(0.2)
+    assert on.rig.mode is Mode.HOLDING
 
 
 def test_poses_are_listed(served: ServedDaemon) -> None:
@@ -128,12 +123,11 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
     ],
 )
-def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text: str) -> None:
-    served.rig.enable()
-    result = served.contactctl(*words)
+def test_an_invalid_go_is_refused(on: ServedDaemon, words: list[str], code: int, text: str) -> None:
+    result = on.contactctl(*words)
     assert result.exit_code == code
     assert text in result.stderr
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
 @pytest.mark.parametrize(
@@ -146,12 +140,11 @@ def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text
         (Go(pose="home", planned_from=[0.9]), "has moved since this was planned"),
     ],
 )
-def test_requests_that_are_refused(served: ServedDaemon, request_: Request, reason: str) -> None:
-    served.rig.enable()
-    reply = served.until(lambda: _ask(served, request_))
+def test_an_invalid_request_is_refused(on: ServedDaemon, request_: Request, reason: str) -> None:
+    reply = on.until(lambda: _ask(on, request_))
     assert not reply.ok
     assert reason in reply.reasons[0]
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
 def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
@@ -165,45 +158,40 @@ def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
 
 
 @pytest.mark.parametrize("name", ["identification", "parameters"])
-def test_an_arm_that_is_not_identified_stays(served: ServedDaemon, name: str) -> None:
-    served.rig.enable()
-    checks = served.rig.arming
+def test_an_arm_that_is_not_identified_stays(on: ServedDaemon, name: str) -> None:
+    checks = on.rig.arming
     checks._settled = (Check(name=name, passed=False, text="gap of joint is not known"),)
-    result = served.contactctl("home", "--yes")
+    result = on.contactctl("home", "--yes")
     assert result.exit_code == 1
     assert "gap of joint is not known" in result.stderr
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
-def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDaemon) -> None:
-    served.rig.enable()
+def test_a_contact_halts_the_motion_and_the_command_reports_it(on: ServedDaemon) -> None:
     ask = Go(pose="far")
-    assert served.until(lambda: _ask(served, ask)).ok
-    served.run(1.5)
-    assert served.rig.mode is Mode.TRACKING
-    served.rig.arm.external_torque[0] = -3.0
-    served.run(0.5)
-    served.rig.arm.external_torque[0] = 0.0
-    assert served.rig.mode in (Mode.STOPPING, Mode.HOLDING)
-    assert not served.rig.tick.controller.machine.armed
-    served.run(1.5)
-    assert served.rig.mode is Mode.HOLDING
-    way = served.until(lambda: _ask(served, Go(pose="far", plan=True))).way
-    ended = served.until(lambda: _waited(served, way))
+    assert on.until(lambda: _ask(on, ask)).ok
+    on.run(1.5)
+    assert on.rig.mode is Mode.TRACKING
+    on.rig.arm.external_torque[0] = -3.0
+    on.run(0.5)
+    on.rig.arm.external_torque[0] = 0.0
+    assert on.rig.mode in (Mode.STOPPING, Mode.HOLDING)
+    assert not on.rig.tick.controller.machine.armed
+    on.run(1.5)
+    assert on.rig.mode is Mode.HOLDING
+    way = on.until(lambda: _ask(on, Go(pose="far", plan=True))).way
+    ended = on.until(lambda: _waited(on, way))
     assert not ended.ok
     assert ended.message.startswith("not arrived: holding, contact of ")
     assert ended.reasons == ["`contactctl start` continues the trajectory"]
-    assert served.contactctl("start").exit_code == 0
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-    assert served.until(lambda: _waited(served, way)).ok
+    assert on.contactctl("start").exit_code == 0
+    while on.rig.mode is Mode.TRACKING:
+        on.tick()
+    assert on.until(lambda: _waited(on, way)).ok
 
 
-def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
-    served: ServedDaemon,
-) -> None:
-    served.rig.enable()
-    result = served.contactctl("go", "joint=-1.4", "--yes")
+def test_go_to_a_limit_warns_of_the_gap(on: ServedDaemon) -> None:
+    result = on.contactctl("go", "joint=-1.4", "--yes")
     assert result.exit_code == 1
     warning, end, where = result.stderr.splitlines()
     assert "warning: joint may stop up to 0.200 rad short of -1.400" in warning
@@ -224,29 +212,25 @@ def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPa
     assert 0.5 < stands(served) < 0.7
 
 
-def test_stopped_by_another_it_is_not_there(served: ServedDaemon) -> None:
-    served.rig.enable()
-    way = served.until(lambda: _ask(served, Go(pose="far"))).way
-    served.run(2.0)
-    assert served.until(lambda: _ask(served, Stop())).ok
-    ended = served.until(lambda: _waited(served, way))
+def test_a_motion_stopped_by_another_client_is_reported_as_not_arrived(on: ServedDaemon) -> None:
+    way = on.until(lambda: _ask(on, Go(pose="far"))).way
+    on.run(2.0)
+    assert on.until(lambda: _ask(on, Stop())).ok
+    ended = on.until(lambda: _waited(on, way))
     assert not ended.ok
     assert ended.message.startswith("not arrived: holding, stop by")
 
 
-def test_the_way_that_a_refused_start_names_leads_there(
-    served: ServedDaemon, tmp_path: Path
-) -> None:
-    served.rig.enable()
+def test_the_advice_of_a_refused_start_leads_there(on: ServedDaemon, tmp_path: Path) -> None:
     path = tmp_path / "move.csv"
     path.write_text("time_s,joint\n0,0.8\n1,0.8\n3,1.0\n")
-    refused = served.contactctl("start", str(path))
+    refused = on.contactctl("start", str(path))
     words = re.search(r"`contactctl (go [^`]+)` leads there", refused.stderr)
     assert words is not None, refused.stderr
-    assert served.contactctl(*words[1].split(), "--yes").exit_code == 0
-    assert served.contactctl("start", str(path)).exit_code == 0
-    assert served.rig.mode is Mode.TRACKING
-    served.contactctl("stop")
+    assert on.contactctl(*words[1].split(), "--yes").exit_code == 0
+    assert on.contactctl("start", str(path)).exit_code == 0
+    assert on.rig.mode is Mode.TRACKING
+    on.contactctl("stop")
 
 
 def _ask(served: ServedDaemon, request: Request):
@@ -259,7 +243,7 @@ def _waited(served: ServedDaemon, way: object):
         return command._wait(client, way, lambda: False)
 
 
-# --- who waits for the arm may be gone -----------------------------------------------------
+# --- clients that attend a motion, and end before it -----------------------------------------
 
 
 def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
@@ -270,12 +254,20 @@ def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
+@pytest.fixture
+def attending(served: ServedDaemon) -> Iterator[Client]:
+    """Client whose motion to `far` has begun; a test may close it."""
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        yield client
+
+
 def cause(served: ServedDaemon) -> str:
     return served.rig.tick.controller.machine.cause
 
 
 def halted(served: ServedDaemon) -> str:
-    """Cause of the halt, where the arm holds 0.3 s from now."""
+    """Cause of the halt of an arm that holds 0.3 s from now."""
     causes = []
     for _ in range(30):
         served.tick()
@@ -301,51 +293,43 @@ def starts_the_configured(served: ServedDaemon) -> bool:
     return controller.motion.follower.place.path is configured
 
 
-def test_a_client_that_is_gone_halts_the_way_it_attended_which_is_forgotten(
-    served: ServedDaemon,
-) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        assert trajectory(served).attended
+def test_a_closed_client_halts_its_motion(served: ServedDaemon, attending: Client) -> None:
+    assert trajectory(served).attended
+    attending.close()
     assert halted(served) == "abandon by the daemon: its client is gone; its motion is forgotten"
     assert stands(served) < 1.0
     assert starts_the_configured(served)
 
 
 @pytest.mark.parametrize("event", [Event.PAUSE, Event.HALT])
-def test_what_was_halted_before_its_client_went_is_forgotten_too(
-    served: ServedDaemon, event: Event
+def test_a_motion_halted_before_its_client_closes_is_forgotten(
+    served: ServedDaemon, attending: Client, event: Event
 ) -> None:
     """As after Ctrl-C of a step of the identification, or a contact."""
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
-        served.run(0.5)
-        paused = trajectory(served)
-        assert (paused.state, paused.attended) == ("paused", True)
-        status = served.until(client.ask_status)
-        assert status.advice == ASK_AGAIN
+    served.rig.tick.controller.apply_event(event, "before", served.rig.time_s)
+    served.run(0.5)
+    paused = trajectory(served)
+    assert (paused.state, paused.attended) == ("paused", True)
+    assert served.until(attending.ask_status).advice == ASK_AGAIN
+    attending.close()
     served.run(0.1)
-    assert (
-        cause(served)
-        == "before; abandon by the daemon: its client is gone; its motion is forgotten"
-    )
+    gone = "abandon by the daemon: its client is gone; its motion is forgotten"
+    assert cause(served) == f"before; {gone}"
     assert starts_the_configured(served)
 
 
-def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        machine = served.rig.tick.controller.machine
-        machine.arm("the test")
-        served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
-        assert machine.moving
+def test_a_closed_client_leaves_a_guided_arm(served: ServedDaemon, attending: Client) -> None:
+    machine = served.rig.tick.controller.machine
+    machine.arm("the test")
+    served.rig.tick.controller.apply_event(Event.TOUCH, "a touch", served.rig.time_s)
+    assert machine.moving
+    attending.close()
     served.tick()
     assert (machine.mode, machine.armed) == (Mode.ADMITTANCE, True)
     assert (machine.moving, machine.paused) == (False, False)
 
 
-def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon) -> None:
+def test_a_motion_is_halted_when_its_client_is_silent(served: ServedDaemon) -> None:
     served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
@@ -357,7 +341,7 @@ def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon)
         assert starts_the_configured(served)
 
 
-def test_a_way_that_no_one_attends_goes_on(served: ServedDaemon) -> None:
+def test_a_motion_without_an_attending_client_goes_on(served: ServedDaemon) -> None:
     served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=False)
@@ -365,48 +349,41 @@ def test_a_way_that_no_one_attends_goes_on(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_a_plain_start_leaves_the_way_with_its_client(served: ServedDaemon) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        served.contactctl("pause")
-        served.contactctl("start")
-        served.run(0.2)
-        assert served.rig.mode is Mode.TRACKING
-        assert trajectory(served).attended
+def test_a_start_by_another_keeps_the_client(served: ServedDaemon, attending: Client) -> None:
+    served.contactctl("pause")
+    served.contactctl("start")
+    served.run(0.2)
+    assert served.rig.mode is Mode.TRACKING
+    assert trajectory(served).attended
+    attending.close()
     served.run(0.2)
     assert served.rig.mode is not Mode.TRACKING
     assert starts_the_configured(served)
 
 
-def test_another_motion_that_was_started_since_is_not_halted(served: ServedDaemon) -> None:
-    with Client(served.path) as client, Client(served.path) as other:
-        sets_out(served, client, attended=True)
+def test_another_later_motion_is_not_halted(served: ServedDaemon, attending: Client) -> None:
+    with Client(served.path) as other:
         served.contactctl("pause")
         assert served.until(lambda: other.go("home")).ok
         served.run(0.2)
+    attending.close()
     served.run(0.2)
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_an_end_that_was_reached_is_not_overwritten_by_a_client_that_goes(
-    served: ServedDaemon,
-) -> None:
-    with Client(served.path) as client:
-        sets_out(served, client, attended=True)
-        while served.rig.mode is Mode.TRACKING:
-            served.tick()
+def test_a_closed_client_keeps_the_cause_of_an_end(served: ServedDaemon, attending: Client) -> None:
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+    attending.close()
     served.run(0.1)
     assert (served.rig.mode, cause(served)) == (Mode.HOLDING, "the way to far came to its end")
 
 
-def test_contactctl_attends_the_way_it_waits_for(
-    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    served.rig.enable()
+def test_contactctl_attends_its_motion(on: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Request] = []
     ask = Client.ask
     monkeypatch.setattr(Client, "ask", lambda self, r: (asked.append(r), ask(self, r))[1])
-    assert served.contactctl("home", "--yes").exit_code == 0
+    assert on.contactctl("home", "--yes").exit_code == 0
     assert [request.attended for request in asked if request.command == "go"] == [False, True]
 
 

@@ -1,4 +1,4 @@
-"""Joints that sense contact, and what they feel, as the daemon's status says it."""
+"""Joints that sense contact, and their smallest touch, in the daemon's status."""
 
 import json
 from collections.abc import Iterator
@@ -17,15 +17,13 @@ from drivers.canopen.codec import transmit_pdos
 
 
 def patient(c: Configuration) -> Configuration:
-    """Missing samples alone are no fault: what is left is that their joint senses nothing."""
+    """Missing samples alone are no fault; their joint senses nothing."""
     supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=200)
     return msgspec.structs.replace(c, supervisor=supervisor)
 
 
 @pytest.mark.parametrize(("learning", "least"), [(True, 0.2), (False, 1.0)])
-def test_the_least_level_is_all_of_it_where_nothing_learns(
-    tmp_path: Path, learning: bool, least: float
-) -> None:
+def test_the_least_level_without_learning(tmp_path: Path, learning: bool, least: float) -> None:
     def learns(c: Configuration) -> Configuration:
         estimator = msgspec.structs.replace(c.estimator, learning=learning)
         return msgspec.structs.replace(c, estimator=estimator)
@@ -47,7 +45,7 @@ def served_wire(folder: Path) -> Iterator[tuple[ServedDaemon, list[FaultyWire]]]
         yield served, wires
 
 
-def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -> None:
+def test_status_names_a_joint_that_does_not_sense_and_since_when(tmp_path: Path) -> None:
     with served_wire(tmp_path) as (served, wires):
         served.rig.enable()
         shown = served.contactctl("status").stdout

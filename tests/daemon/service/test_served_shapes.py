@@ -67,7 +67,7 @@ def test_more_than_a_tick_has_time_for_is_refused(served: ServedDaemon, shaped: 
         assert full.rig.tick.payload is None
 
 
-def test_why_none_is_guarded_is_said(served: ServedDaemon, shaped: Path, client: Client) -> None:
+def test_an_unguarded_arm_has_a_reason(served: ServedDaemon, shaped: Path, client: Client) -> None:
     assert served.until(client.ask_status).unguarded == ""
     (shaped / "identified.yaml").unlink()
     config = shaped / "config.yaml"

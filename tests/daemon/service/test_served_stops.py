@@ -54,7 +54,7 @@ def asked(served: ServedDaemon, command: str) -> Reply:
     return served.service.commands.handle(bare(command), PEER)
 
 
-def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
+def test_the_reply_to_a_stop_names_joints_without_proof_of_standstill(
     romeo: ServedDaemon, wires: list[FaultyWire]
 ) -> None:
     assert asked(romeo, "stop").unproved == []  # it holds: no drive is commanded to stop
@@ -74,7 +74,7 @@ def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
         assert reply.unproved == [names[JOINT]]
 
 
-def test_contactctl_does_not_call_done_what_no_one_has_seen(
+def test_contactctl_reports_a_stop_without_proof_as_an_error(
     romeo: ServedDaemon, wires: list[FaultyWire], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replies, "WAIT_S", 0.3)
@@ -97,7 +97,7 @@ def test_contactctl_does_not_call_done_what_no_one_has_seen(
     assert romeo.rig.mode is Mode.OFF
 
 
-def test_the_advice_is_of_the_first_cause_and_of_what_is_not_seen_to_stand(
+def test_the_advice_is_on_the_first_cause_and_on_a_missing_proof(
     romeo: ServedDaemon, wires: list[FaultyWire]
 ) -> None:
     def advice() -> list[str]:

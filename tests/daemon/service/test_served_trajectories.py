@@ -39,31 +39,30 @@ def swing(served: ServedDaemon, length_s: float = 2.0) -> list[tuple[object, ...
     return [(f"{t:.3f}", f"{x:.6f}") for t, x in zip(times, q, strict=True)]
 
 
-def test_a_file_is_run_to_its_end(served: ServedDaemon, tmp_path: Path) -> None:
-    served.rig.enable()
-    began = stands(served)
-    path = csv(tmp_path, swing(served))
-    result = served.contactctl("start", str(path))
+def test_a_file_is_run_to_its_end(on: ServedDaemon, tmp_path: Path) -> None:
+    began = stands(on)
+    path = csv(tmp_path, swing(on))
+    result = on.contactctl("start", str(path))
     assert (result.exit_code, result.stdout) == (0, "start: tracking, not armed\n"), result.stderr
-    status = served.contactctl("status").stdout
+    status = on.contactctl("status").stdout
     assert "move.csv at 0." in status
     farthest = began
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-        farthest = max(farthest, stands(served))
-        assert served.rig.time_s < 30.0
+    while on.rig.mode is Mode.TRACKING:
+        on.tick()
+        farthest = max(farthest, stands(on))
+        assert on.rig.time_s < 30.0
     assert farthest - began == pytest.approx(0.3, abs=0.02)
-    served.run(0.5)
-    assert served.rig.mode is Mode.HOLDING
-    assert stands(served) == pytest.approx(began, abs=0.01)
-    assert served.rig.tick.controller.machine.cause == "move.csv came to its end"
+    on.run(0.5)
+    assert on.rig.mode is Mode.HOLDING
+    assert stands(on) == pytest.approx(began, abs=0.01)
+    assert on.rig.tick.controller.machine.cause == "move.csv came to its end"
 
 
 def without_trajectory(c: Configuration) -> Configuration:
     return msgspec.structs.replace(c, trajectory=Trajectory())
 
 
-def test_an_arm_without_a_trajectory_says_so_and_starts_only_a_file(tmp_path: Path) -> None:
+def test_an_arm_without_a_trajectory_starts_only_a_file(tmp_path: Path) -> None:
     """As drafted."""
     with served_daemon(tmp_path, configure=without_trajectory) as served:
         served.rig.enable()
@@ -90,18 +89,16 @@ def test_an_arm_without_a_trajectory_yields_while_it_holds(tmp_path: Path) -> No
         served.run(0.5)
         assert served.rig.mode is Mode.ADMITTANCE
         served.run(3.0)
-        assert re.search(
-            r"contact of \S+ Nm at joint.* \(3 s ago\)", served.contactctl("status").stdout
-        )
+        status = served.contactctl("status").stdout
+        assert re.search(r"contact of \S+ Nm at joint.* \(3 s ago\)", status)
 
 
 def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
-    served: ServedDaemon, tmp_path: Path
+    on: ServedDaemon, tmp_path: Path
 ) -> None:
     """0.3 rad within 2 s, up to 0.47 rad/s."""
-    served.rig.enable()
-    here = np.array([stands(served)])
-    process = served.service.process
+    here = np.array([stands(on)])
+    process = on.service.process
 
     def seen(speed: float, further: float) -> CoveredRange:
         return CoveredRange(np.array([speed]), here - further, here + further)
@@ -112,76 +109,71 @@ def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
         (seen(0.45, 0.1), ["joint moves within ["]),
     ):
         process.seen = motion
-        result = served.contactctl("start", str(csv(tmp_path, swing(served))))
+        result = on.contactctl("start", str(csv(tmp_path, swing(on))))
         assert result.exit_code == 0, result.stderr
         reported = [line for line in result.stderr.splitlines() if "warning" in line]
         assert len(reported) == len(words), result.stderr
         assert all(word in line for word, line in zip(words, reported, strict=True)), reported
-        while served.rig.mode is Mode.TRACKING:
-            served.tick()
-        served.run(0.5)
+        while on.rig.mode is Mode.TRACKING:
+            on.tick()
+        on.run(0.5)
 
 
-def test_the_name_of_a_file_forges_no_line(served: ServedDaemon, tmp_path: Path) -> None:
-    served.rig.enable()
+def test_the_name_of_a_file_forges_no_line(on: ServedDaemon, tmp_path: Path) -> None:
     forged = "\x1b[2Jmove\n[fault tick=7] heartbeat lost.csv"
-    path = csv(tmp_path, swing(served)).rename(tmp_path / forged)
-    result = served.contactctl("start", str(path))
+    path = csv(tmp_path, swing(on)).rename(tmp_path / forged)
+    result = on.contactctl("start", str(path))
     assert result.exit_code == 0, result.stderr
-    machine = served.rig.tick.controller.machine
+    machine = on.rig.tick.controller.machine
     assert machine.cause.startswith("start of ?[2Jmove?[fault tick=7] heartbeat lost.csv by uid ")
-    assert "\x1b" not in served.contactctl("status").stdout
+    assert "\x1b" not in on.contactctl("status").stdout
 
 
-def test_it_is_paused_and_goes_on(served: ServedDaemon, tmp_path: Path) -> None:
-    served.rig.enable()
-    assert served.contactctl("start", str(csv(tmp_path, swing(served)))).exit_code == 0
-    served.run(1.0)
-    assert served.contactctl("pause").exit_code == 0
-    status = json.loads(served.contactctl("--json", "status").stdout)["trajectory"]
+def test_a_paused_trajectory_continues(on: ServedDaemon, tmp_path: Path) -> None:
+    assert on.contactctl("start", str(csv(tmp_path, swing(on)))).exit_code == 0
+    on.run(1.0)
+    assert on.contactctl("pause").exit_code == 0
+    status = json.loads(on.contactctl("--json", "status").stdout)["trajectory"]
     assert (status["name"], status["state"], status["duration_s"]) == ("move.csv", "paused", 2.0)
-    assert served.contactctl("start").exit_code == 0
-    assert "move.csv at" in served.rig.tick.controller.machine.cause
-    assert served.contactctl("stop").exit_code == 0
-    assert served.contactctl("start").exit_code == 0
-    assert "start of sinusoids" in served.rig.tick.controller.machine.cause
+    assert on.contactctl("start").exit_code == 0
+    assert "move.csv at" in on.rig.tick.controller.machine.cause
+    assert on.contactctl("stop").exit_code == 0
+    assert on.contactctl("start").exit_code == 0
+    assert "start of sinusoids" in on.rig.tick.controller.machine.cause
 
 
-def test_a_bad_file_is_refused_with_its_line(served: ServedDaemon, tmp_path: Path) -> None:
+def test_a_bad_file_is_refused_with_its_line(on: ServedDaemon, tmp_path: Path) -> None:
     """One of them; all are in tests/daemon/motion, by sampled paths and their files."""
-    served.rig.enable()
     path = csv(tmp_path, [(0, 0), (1, 0.1), (2, 1.5)])
-    result = served.contactctl("start", str(path))
+    result = on.contactctl("start", str(path))
     assert result.exit_code == 65
     assert result.stderr.startswith(f"contactctl: {path}:4: joint: reaches 1.5 rad, outside its")
     assert result.stderr.count("\n") == 1
-    assert served.rig.mode is Mode.HOLDING
+    assert on.rig.mode is Mode.HOLDING
 
 
-def test_a_file_that_begins_elsewhere_needs_a_word(served: ServedDaemon, tmp_path: Path) -> None:
-    served.rig.enable()
-    here = stands(served)
+def test_a_file_that_begins_elsewhere_needs_an_option(on: ServedDaemon, tmp_path: Path) -> None:
+    here = stands(on)
     path = csv(tmp_path, [(0, here + 0.4), (1, here + 0.4), (2, here + 0.5)])
-    result = served.contactctl("start", str(path))
+    result = on.contactctl("start", str(path))
     assert result.exit_code == 1
     assert "0.400 rad from where move.csv begins" in result.stderr
-    assert served.contactctl("start", str(path), "--from-here").exit_code == 0
-    assert served.contactctl("start", "--from-here").exit_code == 2
+    assert on.contactctl("start", str(path), "--from-here").exit_code == 0
+    assert on.contactctl("start", "--from-here").exit_code == 2
 
 
-def test_a_program_loads_and_starts(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
+def test_a_program_loads_and_starts(on: ServedDaemon, client: Client) -> None:
     times = np.arange(0.0, 3.0, 0.01)
-    q = stands(served) + 0.1 * np.sin(times)[:, None]
+    q = stands(on) + 0.1 * np.sin(times)[:, None]
     v = 0.1 * np.cos(times)[:, None]
-    served.until(lambda: client.load_trajectory(["joint"], times, q, v, name="fourier"))
-    reply = served.until(client.start_loaded)
+    on.until(lambda: client.load_trajectory(["joint"], times, q, v, name="fourier"))
+    reply = on.until(client.start_loaded)
     assert reply.ok, reply.reasons
-    served.run(2.0)
-    follower = served.rig.tick.controller.motion.follower
+    on.run(2.0)
+    follower = on.rig.tick.controller.motion.follower
     assert follower.place.path.name == "fourier"
     s = follower.place.s
-    assert stands(served) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
+    assert stands(on) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -192,43 +184,39 @@ def test_a_program_loads_and_starts(served: ServedDaemon, client: Client) -> Non
         ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
 )
-def test_a_program_is_reported_the_row(
+def test_a_bad_row_is_reported_with_its_number(
     served: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
-    velocities = [[0.0] * len(q) for q in positions]
+    velocities, times = [[0.0] * len(q) for q in positions], [0.0, 1.0, 2.0]
     with pytest.raises(TrajectoryError, match=words) as caught:
-        served.until(
-            lambda: client.load_trajectory(["joint"], [0.0, 1.0, 2.0], positions, velocities)
-        )
+        served.until(lambda: client.load_trajectory(["joint"], times, positions, velocities))
     assert caught.value.row == row
     with pytest.raises(TrajectoryError, match="no joint `elbow`; there are: joint"):
         served.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
 
 
-def test_what_was_loaded_belongs_to_its_connection(served: ServedDaemon, client: Client) -> None:
-    served.rig.enable()
-    rows = [[stands(served)], [stands(served)]]
-    served.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
-    with Client(served.path) as other:
-        reply = served.until(other.start_loaded)
+def test_a_loaded_trajectory_belongs_to_its_connection(on: ServedDaemon, client: Client) -> None:
+    rows = [[stands(on)], [stands(on)]]
+    on.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
+    with Client(on.path) as other:
+        reply = on.until(other.start_loaded)
         assert not reply.ok
         assert "this connection has loaded no trajectory" in reply.message
         # Who begins another takes its place.
-        served.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
-        assert not served.until(client.start_loaded).ok
-    served.run(0.02)
+        on.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
+        assert not on.until(client.start_loaded).ok
+    on.run(0.02)
     with pytest.raises(ControlError, match="has loaded no trajectory"):
-        served.service.commands.upload.take(2)
+        on.service.commands.upload.take(2)
 
 
-def test_half_an_upload_is_no_trajectory(served: ServedDaemon) -> None:
-    served.rig.enable()
+def test_an_incomplete_upload_is_no_trajectory(on: ServedDaemon) -> None:
     raw = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    raw.connect(str(served.path))
+    raw.connect(str(on.path))
 
     def say(**request: object) -> dict[str, Any]:
         raw.send(json.dumps(request).encode())
-        answer = served.until(lambda: raw.recv(10_000))
+        answer = on.until(lambda: raw.recv(10_000))
         return dict(json.loads(answer))
 
     with raw:
@@ -238,12 +226,12 @@ def test_half_an_upload_is_no_trajectory(served: ServedDaemon) -> None:
         answer = say(command="start", loaded=True)
         assert (answer["ok"], "needs two or more" in answer["message"]) == (False, True)
         assert "unknown field `rows`" in say(command="stop", rows=[])["message"]
-        assert served.rig.mode is Mode.HOLDING
-    served.run(0.05)
-    assert served.service.control.connections == 0
+        assert on.rig.mode is Mode.HOLDING
+    on.run(0.05)
+    assert on.service.control.connections == 0
 
 
-def test_what_was_led_by_hand_is_done_again(served: ServedDaemon, tmp_path: Path) -> None:
+def test_a_recorded_lead_is_run_again(served: ServedDaemon, tmp_path: Path) -> None:
     """Recorded while a push leads the arm, then run."""
     path = tmp_path / "led.csv"
     served.rig.enable()

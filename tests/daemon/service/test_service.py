@@ -47,9 +47,7 @@ ATTACKS: dict[str, tuple[list[bytes], int]] = {
 
 
 @pytest.mark.parametrize("name", list(ATTACKS))
-def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
-    served: ServedDaemon, name: str
-) -> None:
+def test_a_tick_serves_few_requests_and_a_disarm(served: ServedDaemon, name: str) -> None:
     """Counted, not timed: at most four requests in a tick, and a `disarm`; a person waits for none
     of them."""
     packets, connections = ATTACKS[name]
@@ -107,9 +105,7 @@ def test_a_gain_is_shown_changed_and_reported(served: ServedDaemon) -> None:
         (["knee"], 1, "no joint 'knee'; there are: joint"),
     ],
 )
-def test_what_is_no_gain_is_refused(
-    served: ServedDaemon, arguments: list[str], code: int, words: str
-) -> None:
+def test_invalid_gains(served: ServedDaemon, arguments: list[str], code: int, words: str) -> None:
     result = served.contactctl("gain", *arguments)
     assert result.exit_code == code
     assert words in result.stderr
@@ -119,16 +115,12 @@ def test_what_is_no_gain_is_refused(
 # --- the black box's helper ---------------------------------------------------------------------
 
 
-def test_the_helper_is_looked_after_while_nothing_moves_or_may_have_to(
-    served: ServedDaemon,
-) -> None:
+def test_the_helper_is_checked_only_while_the_arm_rests_disarmed(served: ServedDaemon) -> None:
     seen: list[Mode] = []
 
     class Box:
         def look_after(self, _: float) -> None:
             seen.append(served.rig.mode)
-
-        def tell(self, fault: str) -> None: ...
 
     served.service.black_box = Box()
     served.run(3.0)

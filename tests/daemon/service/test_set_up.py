@@ -87,9 +87,7 @@ def test_one_reset_is_enough(on: BreakableArm, fault: Fault) -> None:
 
 
 @pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
-def test_one_reset_is_enough_where_another_error_hides_that_a_drive_is_locked(
-    on: BreakableArm,
-) -> None:
+def test_one_reset_is_enough_where_an_error_hides_a_locked_drive(on: BreakableArm) -> None:
     begin(on)
     goes_wrong(on, locked)
     next(fault_bit(on))
@@ -99,9 +97,7 @@ def test_one_reset_is_enough_where_another_error_hides_that_a_drive_is_locked(
 
 
 @pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
-def test_a_drive_that_boots_slowly_is_awaited_and_no_other_misses_the_master(
-    on: BreakableArm,
-) -> None:
+def test_a_slow_drive_is_awaited_and_no_other_misses_the_master(on: BreakableArm) -> None:
     begin(on)
     goes_wrong(on, locked_and_slow)
     before = on.rig.arm.now
@@ -112,7 +108,7 @@ def test_a_drive_that_boots_slowly_is_awaited_and_no_other_misses_the_master(
 
 
 @pytest.mark.parametrize("make", CANOPEN, ids=lambda make: make.name)
-def test_a_drive_that_was_found_wanting_gets_nothing_until_it_is_set_up(
+def test_a_drive_with_lost_settings_gets_no_setpoint_until_it_is_set_up(
     on: BreakableArm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     next(mode_changed(on))
@@ -138,7 +134,7 @@ WORDS = {
 
 @pytest.mark.parametrize("make", CANOPEN, ids=lambda make: make.name)
 @pytest.mark.parametrize("name", WORDS)
-def test_what_changed_while_off_is_named_and_repaired_at_enable(
+def test_a_change_while_off_is_named_and_repaired_at_enable(
     on: BreakableArm, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     fault = FAULTS[name](on)
@@ -158,7 +154,7 @@ def test_what_changed_while_off_is_named_and_repaired_at_enable(
 
 
 @pytest.mark.parametrize("make", CANOPEN, ids=lambda make: make.name)
-def test_drives_that_hold_all_are_only_read(on: BreakableArm) -> None:
+def test_drives_with_all_settings_are_only_read(on: BreakableArm) -> None:
     """Not one object is written, and no drive is commanded to leave operational."""
     written, reported = [], []
     for drive in on.rig.arm.drives:
@@ -199,7 +195,7 @@ def test_another_product_in_its_place_keeps_the_fault(on: BreakableArm) -> None:
 
 
 @pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
-def test_what_other_drives_say_during_a_reset_is_judged_after_it(on: BreakableArm) -> None:
+def test_messages_of_other_drives_during_a_reset_are_judged_after_it(on: BreakableArm) -> None:
     """An emergency of a healthy drive, and another master's SYNC, come while one is set up."""
     begin(on)
     goes_wrong(on, reboot)

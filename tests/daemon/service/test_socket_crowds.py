@@ -1,44 +1,35 @@
-"""The control socket where many ask much: bounded, and no one is locked out."""
+"""Control socket with many clients and requests: bounded, and every client is served."""
 
 import contextlib
 import select
 import socket
-from collections.abc import Callable
 
 import pytest
 
-from daemon.protocol.requests import Pause
-from daemon.protocol.state import Snapshot
-from daemon.service.socket import ControlSocket
-from tests.socket_peers import Dial, Handler, flooding, inside, reported
+from tests.daemon.service.socket_rig import SocketRig, send
+from tests.socket_peers import flooding, inside, reported
 
 
-def test_flood_is_bounded_and_starves_no_one(control: ControlSocket, dial: Dial) -> None:
-    handler = Handler()
-    loud = [dial() for _ in range(8)]
-    for client in loud:
-        for _ in range(50):
-            client.send(b'{"command": "status"}')
-    quiet = dial()
-    quiet.send(b'{"command": "pause"}')
+def test_a_flood_is_bounded_and_others_are_served(sockets: SocketRig) -> None:
+    for _ in range(8):
+        sockets.asking(*["status"] * 50)
+    quiet = sockets.asking("pause")
     for _ in range(3):
-        before = len(handler.seen)
-        control.poll(handler)
-        assert len(handler.seen) - before == 4
-    assert Pause() in [request for request, _ in handler.seen]
+        before = len(sockets.handler.seen)
+        sockets.poll()
+        assert len(sockets.handler.seen) - before == 4
+    assert "pause" in sockets.commands
     assert reported(quiet)["ok"] is True
 
 
-def test_a_thousand_connections_lock_no_one_out(control: ControlSocket, dial: Dial) -> None:
-    handler = Handler()
+def test_a_thousand_connections_leave_a_place_for_another(sockets: SocketRig) -> None:
     idle: list[socket.socket] = []
     for _ in range(1000):
-        idle.append(dial())
-        control.poll(handler)
-    assert control.connections == 256
-    person = dial()
-    person.send(b'{"command": "disarm"}')
-    control.poll(handler)
+        idle.append(sockets.dial())
+        sockets.poll()
+    assert sockets.control.connections == 256
+    person = sockets.asking("disarm")
+    sockets.poll()
     assert reported(person)["ok"] is True
     for client in idle[: 1001 - 256]:
         assert "closed to make room: more than 256" in str(reported(client)["message"])
@@ -47,20 +38,22 @@ def test_a_thousand_connections_lock_no_one_out(control: ControlSocket, dial: Di
         idle[-1].recv(10)
 
 
-def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: Dial) -> None:
-    """Between being let in and making room for others a person may have said `stop`."""
-    handler = Handler()
-    person = dial()
-    control.poll(handler)
-    inside(control, dial, handler, 255)
-    assert control.connections == 256
-    epoll, control._epoll = control._epoll, Unready(control._epoll, next(iter(control._listeners)))
-    person.send(b'{"command": "stop"}')
-    dial()
-    control.poll(handler)
-    control._epoll = epoll
+def test_a_stop_of_a_connection_that_makes_room_is_served(sockets: SocketRig) -> None:
+    """It may have been sent between being let in and making room for others."""
+    person = sockets.dial()
+    sockets.poll()
+    inside(sockets.control, sockets.dial, sockets.handler, 255)
+    assert sockets.control.connections == 256
+    epoll, sockets.control._epoll = (
+        sockets.control._epoll,
+        Unready(sockets.control._epoll, next(iter(sockets.control._listeners))),
+    )
+    send(person, "stop")
+    sockets.dial()
+    sockets.poll()
+    sockets.control._epoll = epoll
     assert reported(person)["ok"] is True
-    assert control.connections == 256
+    assert sockets.control.connections == 256
 
 
 class Unready:
@@ -79,39 +72,31 @@ class Unready:
         self._epoll.unregister(file)
 
 
-def test_where_everybody_floods_a_newcomer_gets_a_place(control: ControlSocket, dial: Dial) -> None:
-    handler = Handler()
-    loud = inside(control, dial, handler, 256)
+def test_a_new_connection_gets_a_place_among_256_that_flood(sockets: SocketRig) -> None:
+    loud = inside(sockets.control, sockets.dial, sockets.handler, 256)
     for client in loud:
-        for _ in range(5):
-            client.send(b'{"command": "status"}')
-    control.poll(handler, turns_s=0.0)
-    person = dial()
-    control.poll(handler, turns_s=0.0)
-    assert control.connections == 256
-    person.send(b'{"command": "stop"}')
-    control.poll(handler, turns_s=0.0)
+        send(client, *["status"] * 5)
+    sockets.poll(turns_s=0.0)
+    person = sockets.dial()
+    sockets.poll(turns_s=0.0)
+    assert sockets.control.connections == 256
+    send(person, "stop")
+    sockets.poll(turns_s=0.0)
     assert reported(person)["ok"] is True
 
 
-def test_who_speaks_reads_or_owns_keeps_its_place(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    reader = dial()
-    reader.send(b'{"command": "subscribe"}')
-    control.poll(Handler(make_snapshot(0)))
-    assert reported(reader)["snapshot"]
-    handler = Handler()
-    owner, silent, busy = dial(), dial(), dial()
-    control.poll(handler)
-    owner.send(b'{"command": "arm"}')
-    control.poll(handler)
-    control.spare = handler.seen[-1][1].connection
+def test_a_client_that_asks_reads_or_owns_keeps_its_place(sockets: SocketRig) -> None:
+    reader = sockets.reader()
+    owner, silent, busy = sockets.dial(), sockets.dial(), sockets.dial()
+    sockets.poll()
+    send(owner, "arm")
+    sockets.poll()
+    sockets.control.spare = sockets.handler.seen[-1][1].connection
     for _ in range(600):
-        dial()
-        control.poll(handler)
-        busy.send(b'{"command": "status"}')
-        control.poll(handler)
+        sockets.dial()
+        sockets.poll()
+        send(busy, "status")
+        sockets.poll()
         assert reported(busy)["ok"]
     assert reported(owner)["ok"]
     for client in (reader, owner):
@@ -120,45 +105,39 @@ def test_who_speaks_reads_or_owns_keeps_its_place(
     assert "make room" in str(reported(silent)["message"])
 
 
-def test_an_owner_that_is_gone_is_noticed_although_its_requests_wait(
-    control: ControlSocket, dial: Dial
-) -> None:
+def test_an_owner_that_closes_is_noticed_while_its_requests_wait(sockets: SocketRig) -> None:
     gone: list[int] = []
-    control.on_close = lambda peer: gone.append(peer.connection)
-    flooding(control, dial, Handler())
-    owner = dial()
-    for _ in range(10):
-        owner.send(b'{"command": "status"}')
-    control.poll(Handler(), turns_s=0.0)
+    sockets.control.on_close = lambda peer: gone.append(peer.connection)
+    flooding(sockets.control, sockets.dial, sockets.handler)
+    owner = sockets.asking(*["status"] * 10)
+    sockets.poll(turns_s=0.0)
     owner.close()
     for _ in range(9):
-        control.poll(Handler(), turns_s=0.0)
+        sockets.poll(turns_s=0.0)
         assert gone == [33]
-    for _ in range(100):
-        control.poll(Handler())
+    sockets.poll(100)
     assert gone.count(33) == 2
 
 
-def test_who_may_enter_in_a_poll_is_bounded(control: ControlSocket, dial: Dial) -> None:
+def test_the_time_for_new_connections_in_a_poll_is_bounded(sockets: SocketRig) -> None:
     for _ in range(20):
-        dial()
-    control.poll(Handler(), entrance_s=0.0)
-    assert control.connections == 1
-    control.poll(Handler())
-    assert control.connections == 20
+        sockets.dial()
+    sockets.poll(entrance_s=0.0)
+    assert sockets.control.connections == 1
+    sockets.poll()
+    assert sockets.control.connections == 20
     with contextlib.suppress(BlockingIOError):
         while True:
-            dial()
-    control.poll(Handler())
-    assert 20 < control.connections <= 256
+            sockets.dial()
+    sockets.poll()
+    assert 20 < sockets.control.connections <= 256
 
 
-def test_nothing_is_begun_when_the_time_is_over(control: ControlSocket, dial: Dial) -> None:
-    handler = Handler()
-    clients = [dial() for _ in range(3)]
-    control.poll(handler)
+def test_one_request_is_served_in_a_poll_without_time_for_turns(sockets: SocketRig) -> None:
+    clients = [sockets.dial() for _ in range(3)]
+    sockets.poll()
     for client in clients:
-        client.send(b'{"command": "status"}')
+        send(client, "status")
     for served in (1, 2, 3, 3):
-        control.poll(handler, turns_s=0.0)
-        assert len(handler.seen) == served  # each its turn, however little time there is
+        sockets.poll(turns_s=0.0)
+        assert len(sockets.handler.seen) == served  # each its turn, however little time there is

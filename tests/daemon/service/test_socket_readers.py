@@ -1,104 +1,57 @@
-"""Readers of the control socket: each gets every State, or loses some without hurting others."""
+"""Readers of the control socket: each gets every State, or loses some without affecting others."""
 
 import json
 import os
 import select
 import socket
-from collections.abc import Callable
 
 import msgspec
 import pytest
 
 from daemon.protocol.replies import Reply
-from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
-from daemon.protocol.state import Snapshot, State
-from daemon.service.answers import Handler
 from daemon.service.listener import Listener
-from daemon.service.socket import ControlSocket
-
-Dial = Callable[[], socket.socket]
-
-
-def answering(snapshot: Snapshot | None = None) -> Handler:
-    """Takes everything; answers a subscription with a snapshot."""
-    return lambda request, peer: Reply(ok=True, mode="off", snapshot=snapshot)
+from tests.daemon.service.socket_rig import SocketRig, send
+from tests.fake_daemon import snapshot_at, state_at
+from tests.socket_peers import reported
 
 
-def reported(client: socket.socket) -> dict[str, object]:
-    reply = json.loads(client.recv(1 << 20))
-    assert isinstance(reply, dict)
-    return reply
-
-
-def subscribed(control: ControlSocket, dial: Dial, snapshot: Snapshot) -> socket.socket:
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    control.poll(answering(snapshot))
-    control.poll(answering(snapshot))
-    assert reported(client)["snapshot"]
-    return client
-
-
-def test_every_reader_gets_every_state(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    first = subscribed(control, dial, make_snapshot(0))
-    second = subscribed(control, dial, make_snapshot(0))
-    silent = dial()
-    control.poll(answering())
+def test_every_reader_gets_every_state(sockets: SocketRig) -> None:
+    first, second, silent = sockets.reader(), sockets.reader(), sockets.dial()
+    sockets.poll()
     for tick in (1, 2, 3):
-        control.publish(make_state(tick))
+        sockets.control.publish(state_at(tick))
     for client in (first, second):
         assert [reported(client)["tick"] for _ in range(3)] == [1, 2, 3]
     with pytest.raises(BlockingIOError):
         silent.recv(10)
 
 
-def test_nothing_is_encoded_without_a_reader(
-    control: ControlSocket, dial: Dial, make_state: Callable[..., State]
-) -> None:
-    dial()
-    control.poll(answering())
-    control.publish(make_state(1))
-    assert control._packet == b""
+def test_nothing_is_encoded_without_a_reader(sockets: SocketRig) -> None:
+    sockets.dial()
+    sockets.poll()
+    sockets.control.publish(state_at(1))
+    assert sockets.control._packet == b""
 
 
-def test_ninth_reader_is_refused(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
-    ninth = dial()
-    ninth.send(b'{"command": "subscribe"}')
-    seen: list[Request] = []
-
-    def handler(request: Request, peer: Peer) -> Reply:
-        seen.append(request)
-        return Reply(ok=True, mode="off", snapshot=make_snapshot(0))
-
-    control.poll(handler)
-    control.poll(handler)
+def test_a_ninth_reader_of_a_user_is_refused(sockets: SocketRig) -> None:
+    readers = [sockets.reader() for _ in range(8)]
+    handled = len(sockets.commands)
+    ninth = sockets.asking("subscribe")
+    sockets.poll(2)
     message = f"subscribe: too many readers of one user, at most 8 (pid {os.getpid()})"
     assert reported(ninth) == {"ok": False, "message": message}
-    assert not seen
+    assert len(sockets.commands) == handled
     readers[3].close()
-    control.poll(handler)
-    ninth.send(b'{"command": "subscribe"}')
-    control.poll(handler)
+    sockets.poll()
+    send(ninth, "subscribe")
+    sockets.poll()
     assert reported(ninth)["ok"] is True
-    assert len(control.readers) == 8
+    assert len(sockets.control.readers) == 8
 
 
-def test_no_user_can_hold_all_places_of_readers(
-    control: ControlSocket,
-    dial: Dial,
-    make_snapshot: Callable[[int], Snapshot],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The kernel's word on who is at the other end is replaced: connections of three users."""
+def test_readers_in_all_are_bounded(sockets: SocketRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel's answer about the peer is replaced: connections of three users."""
     users = iter([os.getuid()] * 8 + [1001, 1001] + [1002] * 7)
 
     def peer_of(connected: socket.socket, number: int) -> Peer:
@@ -107,76 +60,57 @@ def test_no_user_can_hold_all_places_of_readers(
     monkeypatch.setattr("daemon.service.listener.peer_of", peer_of)
     monkeypatch.setattr(Listener, "_admits", lambda *_: True)
     for _ in range(16):
-        subscribed(control, dial, make_snapshot(0))
-    assert len(control.readers) == 16
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    control.poll(answering(make_snapshot(0)))
+        sockets.reader()
+    assert len(sockets.control.readers) == 16
+    client = sockets.asking("subscribe")
+    sockets.poll()
     assert reported(client) == {"ok": False, "message": "subscribe: too many readers, at most 16"}
 
 
-def test_reader_may_subscribe_again_although_all_places_are_taken(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
-    readers[0].send(b'{"command": "subscribe"}')
-    control.poll(answering(make_snapshot(7)))
+def test_a_reader_may_subscribe_again_when_all_places_are_taken(sockets: SocketRig) -> None:
+    readers = [sockets.reader() for _ in range(8)]
+    sockets.handler.snapshot = snapshot_at(7)
+    send(readers[0], "subscribe")
+    sockets.poll()
     assert '"tick": 7' in json.dumps(reported(readers[0]))
-    assert len(control.readers) == 8
+    assert len(sockets.control.readers) == 8
 
 
-def test_refused_subscription_reads_nothing(control: ControlSocket, dial: Dial) -> None:
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
+def test_a_refused_subscription_reads_nothing(sockets: SocketRig) -> None:
+    client = sockets.asking("subscribe")
     for _ in range(2):
-        control.poll(lambda request, peer: Reply(ok=False))
+        sockets.control.poll(lambda request, peer: Reply(ok=False))
     assert reported(client)["ok"] is False
-    assert not control.readers
+    assert not sockets.control.readers
 
 
-def test_slow_reader_loses_packets_and_only_it(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    slow = subscribed(control, dial, make_snapshot(0))
-    quick = subscribed(control, dial, make_snapshot(0))
+def test_a_slow_reader_alone_loses_packets(sockets: SocketRig) -> None:
+    slow, quick = sockets.reader(), sockets.reader()
     ticks = 2000
     for tick in range(ticks):
-        control.publish(make_state(tick))
+        sockets.control.publish(state_at(tick))
         assert reported(quick)["tick"] == tick
     held = 0
     while select.select([slow], [], [], 0)[0]:
         assert reported(slow)["tick"] == held
         held += 1
-    assert len(control.readers) == 2
+    assert len(sockets.control.readers) == 2
     assert 10 < held < ticks
-    control.publish(make_state(ticks))
+    sockets.control.publish(state_at(ticks))
     assert reported(slow)["tick"] == ticks
 
 
-def test_dead_reader_is_dropped(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    dead = subscribed(control, dial, make_snapshot(0))
-    alive = subscribed(control, dial, make_snapshot(0))
-    dead.close()
-    control.publish(make_state(1))
-    assert control.connections == 1
+def test_a_closed_reader_is_dropped(sockets: SocketRig) -> None:
+    closed, alive = sockets.reader(), sockets.reader()
+    closed.close()
+    sockets.control.publish(state_at(1))
+    assert sockets.control.connections == 1
     assert reported(alive)["tick"] == 1
 
 
-def test_snapshot_that_does_not_fit_is_reported(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    huge = msgspec.structs.replace(make_snapshot(0), urdf="x" * 10_000_000)
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    for _ in range(2):
-        control.poll(answering(huge))
+def test_a_snapshot_that_does_not_fit_is_reported(sockets: SocketRig) -> None:
+    sockets.handler.snapshot = msgspec.structs.replace(snapshot_at(0), urdf="x" * 10_000_000)
+    client = sockets.asking("subscribe")
+    sockets.poll(2)
     assert "wmem_max" in str(reported(client)["message"])
-    assert not control.readers
+    assert not sockets.control.readers

@@ -10,7 +10,7 @@ from daemon.service.trend_line import LISTENS_EVERY, TrendLine
 
 
 @pytest.mark.parametrize("ticks", [LISTENS_EVERY - 2, LISTENS_EVERY - 1, LISTENS_EVERY])
-def test_a_gatherer_that_dies_before_it_is_heard(tmp_path: Path, ticks: int) -> None:
+def test_a_gatherer_that_ends_before_it_answers(tmp_path: Path, ticks: int) -> None:
     with lockstep_rig(SINGLE_JOINT) as rig, ExitStack() as cleanup:
         rig.enable()
         line = TrendLine(rig.robot, tmp_path)

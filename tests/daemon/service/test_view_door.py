@@ -1,4 +1,4 @@
-"""The view socket: who looks may stop, and commands nothing else."""
+"""View socket: its clients may stop the arm, and command nothing else."""
 
 import contextlib
 import json
@@ -14,25 +14,13 @@ from daemon.config.schema import frames_of
 from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import COMMANDS, Arm, Request, Stop
-from daemon.protocol.socket_path import Peer
-from daemon.protocol.state import Snapshot, State
+from daemon.protocol.state import State
 from daemon.service.socket import ControlSocket
 from drivers.can.load import bus_load
 from programs.clients.client import Client
-
-Dial = Callable[[], socket.socket]
-
-
-class Handler:
-    """Keeps what arrives, and does it."""
-
-    def __init__(self, snapshot: Snapshot | None = None) -> None:
-        self.seen: list[str] = []
-        self.snapshot = snapshot
-
-    def __call__(self, request: Request, peer: Peer) -> Reply:
-        self.seen.append(request.command)
-        return Reply(ok=True, snapshot=self.snapshot)
+from tests.daemon.service.socket_rig import SocketRig, send
+from tests.fake_daemon import snapshot_at
+from tests.socket_peers import Dial, inside, reported
 
 
 @pytest.fixture
@@ -56,69 +44,50 @@ def ask(client: socket.socket, command: str) -> None:
     client.send(json.dumps({"command": command, **more.get(command, {})}).encode())
 
 
-def said(client: socket.socket) -> Reply:
-    reply: Reply = Reply(**json.loads(client.recv(1 << 20)))
-    return reply
-
-
 @pytest.mark.parametrize("command", COMMANDS)
-def test_it_carries_out_what_its_table_says_and_nothing_else(
-    control: ControlSocket, look: Dial, make_snapshot: Callable[[int], Snapshot], command: str
-) -> None:
-    handler, client = Handler(make_snapshot(0)), look()
+def test_it_serves_the_listed_commands_alone(sockets: SocketRig, look: Dial, command: str) -> None:
+    sockets.handler.snapshot, client = snapshot_at(0), look()
     ask(client, command)
-    control.poll(handler)
-    reply = said(client)
-    assert reply.ok == (command in DOORS[Door.VIEW].commands)
-    assert handler.seen == ([command] if reply.ok else [])
-    if not reply.ok:
-        assert reply.message == f"{command}: {refusal(Door.VIEW, command)}"
+    sockets.poll()
+    reply = reported(client)
+    assert reply["ok"] == (command in DOORS[Door.VIEW].commands)
+    assert sockets.commands == ([command] if reply["ok"] else [])
+    if not reply["ok"]:
+        assert reply["message"] == f"{command}: {refusal(Door.VIEW, command)}"
 
 
-def test_a_stop_from_who_looks_overtakes_who_commands(
-    control: ControlSocket, dial: Dial, look: Dial
-) -> None:
-    handler, person, onlooker = Handler(), dial(), look()
-    control.poll(handler)
-    for _ in range(6):
-        ask(person, "status")
-    ask(person, "start")
-    onlooker.send(b'{"command": "stop", "on_behalf_of": "%s"}' % (b"x" * 64))
-    for _ in range(4):
-        control.poll(handler)
-    assert handler.seen[0] == "stop"
-    assert "start" not in handler.seen
-    assert said(onlooker).ok
-    *_, last = [said(person) for _ in range(7)]
-    assert "a stop overtook it" in last.message
+def test_a_stop_of_a_viewer_overtakes_other_clients(sockets: SocketRig, look: Dial) -> None:
+    person, viewer = sockets.dial(), look()
+    sockets.poll()
+    send(person, *["status"] * 6, "start")
+    viewer.send(b'{"command": "stop", "on_behalf_of": "%s"}' % (b"x" * 64))
+    sockets.poll(4)
+    assert sockets.commands[0] == "stop"
+    assert "start" not in sockets.commands
+    assert reported(viewer)["ok"]
+    *_, last = [reported(person) for _ in range(7)]
+    assert "a stop overtook it" in str(last["message"])
 
 
-def test_who_looks_never_takes_the_place_of_who_commands(
-    control: ControlSocket, dial: Dial, look: Dial
-) -> None:
-    handler = Handler()
-    people = [dial() for _ in range(10)]
-    control.poll(handler)
-    onlookers = []
-    for _ in range(300):
-        onlookers.append(look())
-        control.poll(handler)
+def test_a_viewer_never_replaces_a_commanding_client(sockets: SocketRig, look: Dial) -> None:
+    control = sockets.control
+    people = [sockets.dial() for _ in range(10)]
+    sockets.poll()
+    viewers = inside(control, look, sockets.handler, 300)
     assert control.connections == 10 + DOORS[Door.VIEW].connections
     with contextlib.suppress(BlockingIOError):
-        while True:
-            people.append(dial())
-            control.poll(handler)
-            if len(people) == 256:
-                break
-    control.poll(handler)
+        while len(people) < 256:
+            people.append(sockets.dial())
+            sockets.poll()
+    sockets.poll()
     assert control.connections == 256
     for person in people:
         with pytest.raises(BlockingIOError):
             person.recv(10)
-    assert "make room" in said(onlookers[0]).message
-    ask(last := look(), "stop")  # all places are taken by those who command
-    control.poll(handler)
-    assert said(last).ok
+    assert "make room" in str(reported(viewers[0])["message"])
+    ask(last := look(), "stop")  # commanding clients have taken all places
+    sockets.poll()
+    assert reported(last)["ok"]
 
 
 def test_both_sockets_are_gone_at_the_end(control: ControlSocket) -> None:
@@ -129,14 +98,13 @@ def test_both_sockets_are_gone_at_the_end(control: ControlSocket) -> None:
     assert not any(path.exists() for path in paths)
 
 
-def test_a_state_says_who_may_yield_and_for_how_long(served: ServedDaemon) -> None:
-    served.rig.enable()
-    with Client(view_socket_path(served.path)) as onlooker, Client(served.path) as owner:
-        _, states = served.until(onlooker.subscribe)
+def test_a_state_reports_who_armed_the_arm_and_for_how_long(on: ServedDaemon) -> None:
+    with Client(view_socket_path(on.path)) as onlooker, Client(on.path) as owner:
+        _, states = on.until(onlooker.subscribe)
         request = Arm(lease_s=3.0, on_behalf_of="anna")
-        assert served.until(lambda: owner.ask(request)).ok
-        first = until(served, states, lambda state: state.armed)
-        later = until(served, states, lambda state: state.time_s >= first.time_s + 1.0)
+        assert on.until(lambda: owner.ask(request)).ok
+        first = until(on, states, lambda state: state.armed)
+        later = until(on, states, lambda state: state.time_s >= first.time_s + 1.0)
         assert first.permit is not None
         assert later.permit is not None
         assert (first.permit.uid, first.permit.pid) == (os.getuid(), os.getpid())
@@ -145,8 +113,8 @@ def test_a_state_says_who_may_yield_and_for_how_long(served: ServedDaemon) -> No
         passed_s = later.time_s - first.time_s
         assert later.permit.left_s == pytest.approx(first.permit.left_s - passed_s, abs=1e-6)
         stop = Stop(on_behalf_of="a phone at 192.0.2.7")
-        assert served.until(lambda: onlooker_s_stop(served, stop)).ok
-        last = until(served, states, lambda state: not state.armed)
+        assert on.until(lambda: onlooker_s_stop(on, stop)).ok
+        last = until(on, states, lambda state: not state.armed)
         assert last.permit is None
         assert f"(pid {os.getpid()}) on behalf of a phone at 192.0.2.7" in last.cause
 
@@ -167,24 +135,21 @@ def until(served: ServedDaemon, states: Iterator[State], what: Callable[[State],
     return state
 
 
-def test_who_looks_is_reported_what_was_learned_and_how_full_the_bus_is(
-    served: ServedDaemon,
-) -> None:
-    served.rig.enable()
-    served.run(1.0)
-    estimator = served.rig.tick.estimator
+def test_a_viewer_gets_learned_friction_and_bus_load(on: ServedDaemon) -> None:
+    on.run(1.0)
+    estimator = on.rig.tick.estimator
     memory = estimator.memory()
     # Nothing was learned from an arm at rest: shares as a minute of work might leave them.
     shares = [[0.1, 0.03, -0.12, -0.17] for _ in memory["learning"]["shares"]]
     memory["learning"]["shares"] = shares
     estimator.restore(memory)
-    with Client(view_socket_path(served.path)) as onlooker:
-        status = served.until(onlooker.ask_status)
-        snapshot, _ = served.until(onlooker.subscribe)
+    with Client(view_socket_path(on.path)) as onlooker:
+        status = on.until(onlooker.ask_status)
+        snapshot, _ = on.until(onlooker.subscribe)
     assert status.learned is not None
     found = [status.learned.viscous, status.learned.coulomb, status.learned.load]
     for values, expected in zip(found, [-0.03, 0.12, 0.17], strict=True):
         assert values == pytest.approx([expected] * len(shares), abs=1e-3)
     assert "identify friction" in status.advice
-    c = served.rig.robot.configuration
+    c = on.rig.robot.configuration
     assert snapshot.bus_load == bus_load(frames_of(c), c.bus.bitrate)

@@ -1,4 +1,4 @@
-"""An armed arm that learned what is no longer true: it stands, says so, and goes on."""
+"""An armed arm whose learned friction is no longer true: it stands, reports it, and goes on."""
 
 import math
 from collections.abc import Callable
@@ -27,12 +27,17 @@ MOST_S = 0.3
 """of motion with no person at work"""
 
 
-def robot_with(joint: Callable[[Joint], Joint] = lambda j: j, **changes: Any) -> Robot:
-    """The Romeo arm that swings its elbow, with another elbow."""
+def robot_with(
+    joint: Callable[[Joint], Joint] = lambda j: j,
+    swings: tuple[int, Sinusoid] = (ELBOW, SWING),
+    **changes: Any,
+) -> Robot:
+    """The Romeo arm that swings a joint, with another elbow."""
     robot = load_robot(ROMEO)
     c = robot.configuration
     joints = [joint(j) if i == ELBOW else j for i, j in enumerate(c.joints)]
-    trajectory = msgspec.structs.replace(c.trajectory, sinusoids={c.joint_names[ELBOW]: SWING})
+    which, swing = swings
+    trajectory = msgspec.structs.replace(c.trajectory, sinusoids={c.joint_names[which]: swing})
     admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
     changed: Configuration = msgspec.structs.replace(
         c, joints=joints, trajectory=trajectory, admittance=admittance, **changes
@@ -45,9 +50,9 @@ def gain(value: float) -> Callable[[Joint], Joint]:
 
 
 class Watched:
-    """An armed arm at work, which believes what it is made to believe."""
+    """An armed arm at work, whose learned friction a test sets."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, **learned: float) -> None:
         subject = Subject(robot=robot, settings=read_simulation(robot).settings)
         self.on = ArmInTheLoop(subject, robot, START)
         self.on.start()
@@ -56,10 +61,11 @@ class Watched:
         self.modes: list[Mode] = [self.on.mode]
         self.alone_s = self.longest_s = 0.0
         self.notices: list[str] = []
+        self._learn(**learned)
 
-    def believe(self, *, coulomb: float = 0.0, share: float = 0.3) -> None:
-        """Have it learned so much of the elbow's Coulomb friction, for sure, and that this share of
-        its level is needed."""
+    def _learn(self, *, coulomb: float = 0.0, share: float = 0.25) -> None:
+        """Set the learned Coulomb friction of the elbow, as certain, and the share of its level
+        that is needed."""
         memory = self.on.tick.estimator.memory()
         learned = memory["learning"]
         learned["shares"][ELBOW][2] = coulomb
@@ -91,17 +97,19 @@ class Watched:
         pairs = zip(self.modes, self.modes[1:], strict=False)
         return sum(now in YIELDING and before not in GUIDED for before, now in pairs)
 
+    def assert_interrupted_once_at_most(self) -> None:
+        assert self.longest_s <= MOST_S
+        assert self.contacts <= 1
+        assert self.modes[-1] is Mode.TRACKING
+
 
 @pytest.mark.parametrize("value", [0.5, 5.0])
 @pytest.mark.parametrize("coulomb", [-0.7, 0.7])
 def test_learned_friction_that_is_gone_moves_nothing(value: float, coulomb: float) -> None:
     """A cover that braked it was learned as friction, and taken away."""
-    watched = Watched(robot_with(gain(value)))
-    watched.believe(coulomb=coulomb)
+    watched = Watched(robot_with(gain(value)), coulomb=coulomb, share=0.3)
     watched.run(10.0)
-    assert watched.longest_s <= MOST_S
-    assert watched.contacts <= 1
-    assert watched.modes[-1] is Mode.TRACKING
+    watched.assert_interrupted_once_at_most()
     assert abs(watched.on.tick.estimator.learned().coulomb[ELBOW] - 1.0) < 0.3
     if coulomb < 0.0:
         assert any("LElbowRoll: the learned friction is discarded" in text
@@ -111,14 +119,11 @@ def test_learned_friction_that_is_gone_moves_nothing(value: float, coulomb: floa
 @pytest.mark.parametrize("factor", [0.5, 1.5, 2.0])
 def test_friction_that_changed_costs_one_contact(factor: float) -> None:
     watched = Watched(robot_with(gain(2.0)))
-    watched.believe(share=0.25)
     factors = np.ones(7)
     factors[ELBOW] = factor
     watched.on.harness.plant.scale_friction(factors)
     watched.run(12.0)
-    assert watched.longest_s <= MOST_S
-    assert watched.contacts <= 1
-    assert watched.modes[-1] is Mode.TRACKING
+    watched.assert_interrupted_once_at_most()
 
 
 def cable(q: float, velocity: float) -> float:
@@ -129,7 +134,6 @@ def cable(q: float, velocity: float) -> float:
 
 def test_a_cable_below_the_stated_level_interrupts_once_and_is_named() -> None:
     watched = Watched(robot_with(gain(2.0)))
-    watched.believe(share=0.25)
     watched.run(25.0, cable)
     assert watched.longest_s <= MOST_S
     assert watched.contacts <= 1
@@ -140,14 +144,8 @@ def test_a_cable_below_the_stated_level_interrupts_once_and_is_named() -> None:
 
 def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None:
     """A shoulder breaks away with twice its friction: no level is for it, and the arm holds."""
-    swing = Sinusoid(amplitude=0.35, frequency_Hz=0.15)
-    robot = load_robot(ROMEO)
-    c = robot.configuration
-    yaw = c.joint_names[1]
-    trajectory = msgspec.structs.replace(c.trajectory, sinusoids={yaw: swing})
-    admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
-    c = msgspec.structs.replace(c, trajectory=trajectory, admittance=admittance)
-    robot = replace(robot, configuration=c)
+    yaw = 1
+    robot = robot_with(swings=(yaw, Sinusoid(amplitude=0.35, frequency_Hz=0.15)))
     arm = replace(world.subject(robot, world.LAWS[1], 4), drift=0.0)
     on = ArmInTheLoop(arm, robot, START)
     on.start()
@@ -156,7 +154,7 @@ def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None
     on.run(90.0)
     plant, factors = on.harness.plant, np.ones(7)
     usual = plant.coulomb.sum(axis=0) / on.tick.estimator.transmission.engaged_coulomb
-    factors[1] = 2.0 / usual[1]
+    factors[yaw] = 2.0 / usual[yaw]
     plant.scale_friction(factors)
     interrupted, before = 0, on.mode
     for _ in range(4000):
@@ -170,7 +168,6 @@ def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None
 
 def test_once_the_cable_is_gone_the_level_sinks_again() -> None:
     watched = Watched(robot_with())
-    watched.believe(share=0.25)
     watched.run(12.0, cable)
     assert watched.on.estimate.level_share[ELBOW] > 0.5 or watched.contacts == 1
     watched.run(18.0)
@@ -181,15 +178,13 @@ def test_a_contact_that_only_learning_makes_backs_away_from_nothing() -> None:
     reactions = msgspec.structs.replace(
         load_robot(ROMEO).configuration.reactions, contact=ContactReaction.RETRACT
     )
-    watched = Watched(robot_with(reactions=reactions))
-    watched.believe(coulomb=-0.7)
+    watched = Watched(robot_with(reactions=reactions), coulomb=-0.7, share=0.3)
     watched.run(10.0)
     assert Mode.RETRACTING not in watched.modes
 
 
 def test_a_hand_leads_it_all_the_same() -> None:
     watched = Watched(robot_with(gain(0.5)))
-    watched.believe(share=0.25)
     begin = float(watched.on.harness.plant.q[ELBOW])
     watched.run(3.0, lambda q, velocity: 1.4)
     assert watched.on.mode is Mode.ADMITTANCE
@@ -204,7 +199,6 @@ def stated(joint: Joint) -> Joint:
 
 def test_a_level_that_a_person_stated_does_not_sink() -> None:
     watched = Watched(robot_with(stated))
-    watched.believe(share=0.25)
     watched.run(2.0)
     assert watched.on.estimate.level_share[ELBOW] == 1.0
     assert watched.on.estimate.threshold[ELBOW] >= 0.4
@@ -213,7 +207,6 @@ def test_a_level_that_a_person_stated_does_not_sink() -> None:
 def test_work_goes_on_in_a_light_lean() -> None:
     """0.6 of the stated level, all the time: one contact, and the stated level while it lasts."""
     watched = Watched(robot_with(gain(5.0)))
-    watched.believe(share=0.25)
     watched.run(25.0, lambda q, velocity: 0.24)
     assert watched.contacts <= 1
     assert math.isclose(watched.on.estimate.level_share[ELBOW], 1.0)

@@ -36,7 +36,7 @@ def moved(on: ArmInTheLoop, joint: int, torque: float, seconds: float) -> float:
 
 
 @pytest.mark.parametrize(("seed", "joint", "factor"), [(2, 0, 2.5), (7, 1, 2.5), (1, 2, 3.0)])
-def test_from_friction_alone_it_does_not(seed: int, joint: int, factor: float) -> None:
+def test_it_does_not_back_away_from_friction(seed: int, joint: int, factor: float) -> None:
     """It is interrupted, and stands until it is quiet."""
     watched = working(seed, Change("friction", joint, factor, 0.0))
     watched.run(20.0)
@@ -47,18 +47,17 @@ def test_from_friction_alone_it_does_not(seed: int, joint: int, factor: float) -
     assert watched.seen.alone_rad <= FURTHEST_RAD
 
 
-def test_where_it_stands_without_a_hand_no_loop_pulls_it_back() -> None:
+def test_it_stays_where_it_stopped_without_a_hand() -> None:
     """A spring below the stated level stops it, and its links coast through their gaps."""
-    watched = working(
-        7028, Change("spring", 1, -0.3802741689783206, 0.0, 0.07628632058496188), "ripple"
-    )
+    spring = Change("spring", 1, -0.3802741689783206, 0.0, 0.07628632058496188)
+    watched = working(7028, spring, "ripple")
     watched.run(23.155)
     watched.there = True
     watched.run(20.0)
     assert watched.seen.alone_rad <= FURTHEST_RAD
 
 
-def test_from_a_hand_that_raised_the_level_first() -> None:
+def test_it_backs_away_from_a_hand_that_raised_the_level_first() -> None:
     on = working(3059, Change("load", PITCH, 0.0, 0.0), "load").on
     on.run(15.0)
     assert on.permit() == []
@@ -67,7 +66,7 @@ def test_from_a_hand_that_raised_the_level_first() -> None:
     assert moved(on, PITCH, -6.0 * level, 1.0) > AWAY_RAD
 
 
-def test_from_a_hand_that_comes_again_and_goes_on_when_it_has_left() -> None:
+def test_it_backs_away_from_a_hand_that_returns_and_continues_later() -> None:
     on = working(466231, Change("load", WRIST, 0.0, 0.0)).on
     on.run(15.0)
     assert on.permit() == []

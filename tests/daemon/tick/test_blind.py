@@ -35,7 +35,7 @@ def encoder_turned_round(c: Configuration) -> Configuration:
         (encoder_turned_round, [1], True, "belongs to another configuration"),
     ],
 )
-def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
+def test_no_loop_is_closed_over_links_that_were_not_checked(
     configure: Change, serials: list[int | None], known: bool, why: str
 ) -> None:
     def checked(robot: Robot, answered: list[int | None]) -> Check:

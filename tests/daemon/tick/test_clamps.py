@@ -1,6 +1,8 @@
 """Clamps in lockstep: what the arm presses after it ran into something, and what it is refused."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import msgspec
@@ -8,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.faulty_wire import FaultyWire
-from bench.rigs.lockstep import lockstep_rig
+from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.contact_reactions import ContactReaction
 from daemon.modes.table import Event, Mode
@@ -18,12 +20,14 @@ from tests.daemon.tick.clamps import (
     FALLS_AFTER_S,
     Case,
     Clamps,
+    Obstacle,
     configured,
     measure,
     meet,
     squeeze,
 )
 
+R = ContactReaction
 HALF_S, FREE_S = 0.5, 1.0
 # Ripple of a torque that only falls [Nm]. Below the contact level it may be anything: there the
 # link lies in its gap, against the clamp.
@@ -57,7 +61,7 @@ def test_armed_it_gives_up_its_setpoint_where_it_begins_to_yield(case: Case, pea
     "case",
     [
         ELBOW_CASE,
-        replace(ELBOW_CASE, armed=True, contact=ContactReaction.REPORT),
+        replace(ELBOW_CASE, armed=True, contact=R.REPORT),
         replace(SHOULDER_CASE, speed=0.6),
         replace(SHOULDER_CASE, stiffness=150.0, started=True),  # its own weight lies on the clamp
         replace(SHOULDER_CASE, stiffness=4000.0),
@@ -67,7 +71,7 @@ def test_armed_it_gives_up_its_setpoint_where_it_begins_to_yield(case: Case, pea
     ],
     ids=str,
 )
-def test_it_lets_go_of_what_it_ran_into(case: Case) -> None:
+def test_it_releases_an_obstacle_that_it_ran_into(case: Case) -> None:
     found = measure(case)
     assert found.modes == (Mode.TRACKING, Mode.RELEASING, Mode.STOPPING, Mode.HOLDING)
     assert found.peak >= found.stood > 2.0 * found.contact
@@ -86,7 +90,7 @@ def test_it_lets_go_of_what_it_ran_into(case: Case) -> None:
     ],
     ids=str,
 )
-def test_on_a_person_behind_it_it_presses_no_more_than_the_clamp_and_a_contact(case: Case) -> None:
+def test_a_person_behind_it_feels_no_more_than_the_clamp_and_a_contact(case: Case) -> None:
     found = measure(case)
     assert found.modes[-2:] == (Mode.STOPPING, Mode.HOLDING)
     assert found.modes.count(Mode.RELEASING) == 1
@@ -94,24 +98,42 @@ def test_on_a_person_behind_it_it_presses_no_more_than_the_clamp_and_a_contact(c
     assert found.hand <= found.contact + MARGIN
 
 
+@contextmanager
+def releasing(case: Case, **supervisor: int) -> Iterator[tuple[Rig, FaultyWire, Clamps, Obstacle]]:
+    """An arm that has begun to release a clamp, and its wire."""
+    wires: list[FaultyWire] = []
+
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
+
+    def configure(c: Configuration) -> Configuration:
+        c = configured(c, case.joint, case.speed, case.contact)
+        changed = msgspec.structs.replace(c.supervisor, **supervisor)
+        return msgspec.structs.replace(c, supervisor=changed)
+
+    with lockstep_rig(ARMS[case.arm], configure=configure, between=between) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, case)
+        while rig.mode is not Mode.RELEASING:
+            rig.step()
+        yield rig, wires[0], clamps, clamp
+
+
 @pytest.mark.parametrize("torque", [2.0, 8.0])
 @pytest.mark.parametrize("joint", [ELBOW, SHOULDER])
 def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: float) -> None:
     """On the other side of the elbow that lets go, or at the shoulder."""
-    with lockstep_rig(configure=lambda c: configured(c, "LElbowRoll", 0.33, R.REPORT)) as rig:
-        clamps = Clamps(rig)
-        clamp = meet(rig, clamps, ELBOW_CASE)
-        while rig.mode is not Mode.RELEASING:
-            rig.step()
+    with releasing(replace(ELBOW_CASE, contact=R.REPORT)) as (rig, _, clamps, clamp):
         rig.run(0.2)
         held = clamps.felt(clamp)
         assert rig.mode is Mode.RELEASING
-        # More than the clamp: what the elbow feels turns round.
+        # More than the clamp: the torque on the elbow changes its sign.
         behind = held + torque if joint == ELBOW else torque
         rig.arm.external_torque[joint] = clamp.side * behind
         pressed_s = rig.time_s
         rig.run(0.3)
-        # What turns round at one joint passes through zero.
+        # A torque that changes its sign at one joint passes through zero.
         ends = {
             ELBOW: r"let go of contact at LElbowRoll \(",
             SHOULDER: r"pressed from elsewhere while it let go: contact of \S+ Nm at LShoulder",
@@ -126,28 +148,15 @@ def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: fl
 
 @pytest.mark.parametrize("case", [SHOULDER_CASE, replace(COLUMN_CASE, stiffness=600.0)], ids=str)
 @pytest.mark.parametrize("lost", [2, 3, 0.1])
-def test_samples_that_get_lost_leave_no_one_in_the_clamp(case: Case, lost: float) -> None:
+def test_lost_samples_do_not_keep_the_clamp_pressed(case: Case, lost: float) -> None:
     """Some ticks in a row without an answer of one drive, or a share of all ticks."""
-    wires: list[FaultyWire] = []
-
-    def between(wire: Wire) -> FaultyWire:
-        wires.append(FaultyWire(wire))
-        return wires[0]
-
-    def configure(c: Configuration) -> Configuration:
-        return configured(c, case.joint, case.speed, case.contact)
-
     rng, braked = np.random.default_rng(3), np.inf
-    with lockstep_rig(ARMS[case.arm], configure=configure, between=between) as rig:
-        clamps = Clamps(rig)
-        clamp = meet(rig, clamps, case)
-        while rig.mode is not Mode.RELEASING:
-            rig.step()
+    with releasing(case) as (rig, wire, clamps, clamp):
         rig.run(0.05)
         drives = rig.robot.configuration.joint_drives
         for tick in range(250):
             loses = rng.random() < lost if lost < 1 else tick < lost
-            wires[0].lost = {0x180 + drives[rng.integers(len(drives))].node} if loses else set()
+            wire.lost = {0x180 + drives[rng.integers(len(drives))].node} if loses else set()
             rig.step()
             assert rig.last.decision is not None
             speed = float(np.abs(rig.last.decision.velocity).max())
@@ -159,39 +168,21 @@ def test_samples_that_get_lost_leave_no_one_in_the_clamp(case: Case, lost: float
         assert clamps.felt(clamp) < level
 
 
-def test_what_it_did_not_let_go_of_for_a_doubt_it_lets_go_of_afterwards() -> None:
+def test_a_release_ended_by_doubt_is_repeated_afterwards() -> None:
     """Seven ticks in a row without one drive, again and again: its residual begins anew."""
-    wires: list[FaultyWire] = []
-
-    def between(wire: Wire) -> FaultyWire:
-        wires.append(FaultyWire(wire))
-        return wires[0]
-
-    def configure(c: Configuration) -> Configuration:
-        c = configured(c, case.joint, case.speed, case.contact)
-        supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=12)
-        return msgspec.structs.replace(c, supervisor=supervisor)
-
     case = replace(SHOULDER_CASE, stiffness=600.0)
-    with lockstep_rig(configure=configure, between=between) as rig:
-        clamps = Clamps(rig)
-        clamp = meet(rig, clamps, case)
-        while rig.mode is not Mode.RELEASING:
-            rig.step()
+    with releasing(case, stale_ticks=12) as (rig, wire, clamps, clamp):
         rig.run(0.2)  # below its collision level by now
         node = rig.robot.configuration.joint_drives[clamp.joint].node
         causes = []
         for tick in range(300):
-            wires[0].lost = {0x180 + node} if tick < 120 and tick % 20 < 7 else set()
+            wire.lost = {0x180 + node} if tick < 120 and tick % 20 < 7 else set()
             rig.step()
             causes += [rig.last.cause] if rig.last.cause not in causes else []
         assert "not sensing contact: LShoulderPitch" in causes, causes
         assert rig.last.cause.startswith(f"let go of contact at {case.joint}")
         level = rig.robot.configuration.joints[clamp.joint].thresholds.contact
         assert clamps.felt(clamp) < level
-
-
-R = ContactReaction
 
 
 def to_hold(c: Configuration) -> Configuration:
@@ -221,7 +212,7 @@ def test_configured_to_hold_at_a_clamp_it_does_not_start_against_it() -> None:
         assert clamps.felt(clamp) < held + RIPPLE
 
 
-def test_the_reproduced_clamp_is_let_go_of_and_started_anew_it_is_again() -> None:
+def test_a_clamp_is_released_again_after_a_new_start() -> None:
     """Unarmed, 40 Nm/rad: never again beyond what the first blow was."""
     with lockstep_rig(configure=lambda c: configured(c, "LElbowRoll", 0.33, R.ADMITTANCE)) as rig:
         clamps = Clamps(rig)

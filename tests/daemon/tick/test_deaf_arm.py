@@ -1,4 +1,4 @@
-"""An arm that does not sense contact at some joint, in lockstep: what it does, and what it says."""
+"""An arm that does not sense contact at some joint, in lockstep: its reactions and notices."""
 
 import itertools
 from collections.abc import Iterator
@@ -24,10 +24,9 @@ T = 0.01
 
 
 def patient(c: Configuration) -> Configuration:
-    """Missing samples alone are no fault: what is left is that their joint senses nothing."""
-    return msgspec.structs.replace(
-        c, supervisor=msgspec.structs.replace(c.supervisor, stale_ticks=200)
-    )
+    """Missing samples alone are no fault; their joint senses nothing."""
+    supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=200)
+    return msgspec.structs.replace(c, supervisor=supervisor)
 
 
 class Losses:
@@ -90,9 +89,7 @@ def test_an_arm_that_is_led_holds_within_ticks_of_bursts() -> None:
     assert not states[-1].armed
 
 
-def test_bursts_that_the_arm_does_not_hold_for_are_not_quiet(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_bursts_of_lost_samples_do_not_count_as_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
     """The quiet time alone: no arm goes on with its trajectory in the hand that leads it."""
     monkeypatch.setattr(detector.FaultDetector, "_of_sensing", lambda *_: iter(()))
     with lossy_rig() as lossy:
@@ -125,7 +122,7 @@ def test_an_arm_whose_drives_fail_in_turn_begins_and_stops(event: Event) -> None
         assert rig.mode is Mode.HOLDING
 
 
-def test_what_comes_and_goes_is_reported_once_and_when_it_is_over() -> None:
+def test_intermittent_sensing_is_reported_once_and_when_it_is_over() -> None:
     with lossy_rig() as lossy:
         lossy.rig.enable()
         states = lossy.states("xxxx.", 2.0) + lossy.rig.states(AGAIN_S + 0.1)
@@ -147,7 +144,7 @@ def since(state: State) -> float:
     return state.sensing_since_s[ELBOW]
 
 
-def test_a_joint_that_does_not_sense_now_feels_nothing() -> None:
+def test_a_joint_that_does_not_sense_has_no_smallest_touch() -> None:
     with lossy_rig() as lossy:
         lossy.rig.enable()
         before = sensitivity_now(lossy.rig.tick)

@@ -156,7 +156,7 @@ def test_without_harm_it_moves(robot):
     assert bus.fastest > 0.05
 
 
-def test_torque_of_nowhere_makes_it_yield(robot):
+def test_a_false_torque_makes_it_yield(robot):
     """The harm that the examples below do reaches every part of the daemon."""
     harm = {
         k: [("change", 0, 0, b"\x27\x00" + (8000).to_bytes(2, "little"))] for k in range(40, 60)
@@ -194,7 +194,7 @@ WHEN = st.integers(1, TICKS)
         WHEN, st.lists(st.sampled_from([*COMMANDS, "arm"]), max_size=2), max_size=6
     ),
 )
-def test_whatever_comes_no_setpoint_leaves_its_limits(robot, harm, lasting, since, commands):
+def test_no_setpoint_leaves_its_limits_for_any_frames(robot, harm, lasting, since, commands):
     for tick in range(since, TICKS + 1):
         harm = harm | {tick: [*harm.get(tick, []), *lasting]}
     run(robot, harm, {**commands, **USUAL})

@@ -55,7 +55,7 @@ def held(folder: Path) -> Iterator[Held]:
         yield found
 
 
-def test_what_was_measured_late_is_bridged_and_moves_no_residual() -> None:
+def test_a_late_sample_is_bridged_and_changes_no_residual() -> None:
     rng = np.random.default_rng(5)
     late = rng.random(700) < 0.1
     with held(ROMEO) as arm:

@@ -22,7 +22,7 @@ LOSSY = GearSettings(load_driving=0.3, load_driven=0.24)
     [(GearSettings(), None, 0), (LOSSY, None, 1), (LOSSY, 0.02, 0)],
     ids=["sound", "lossy", "identified"],
 )
-def test_friction_of_load_that_was_not_identified_is_said_once(
+def test_load_friction_that_was_not_identified_is_reported_once(
     gears: GearSettings, known: float | None, times: int
 ) -> None:
     joints = load_robot(ROMEO).configuration.joints
@@ -49,7 +49,7 @@ def notices(load: np.ndarray, met: np.ndarray) -> LearningNotices:
 
 
 @pytest.mark.parametrize(("led", "news"), [((), 1), (range(200), 0), (range(30), 0), ((170,), 1)])
-def test_friction_of_load_that_a_hand_made_is_not_said(led: range, news: int) -> None:
+def test_load_friction_learned_while_led_is_not_reported(led: range, news: int) -> None:
     """0.18 of it are learned within the first 100 ticks."""
     load, said = np.zeros(1), []
     found = notices(load, np.zeros(1, dtype=int))

@@ -1,4 +1,4 @@
-"""Unannounced loads in the whole program: reported, held, never absorbed, and announced at last."""
+"""Unannounced loads in the whole program: reported, held, never learned, and announced at last."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,6 +46,25 @@ def give(rig: Rig, payload: Payload | None) -> None:
     rig.arm.plant.carry(payload.mass if payload else 0.0, np.array(CUP.com))
 
 
+def arm_and_give(rig: Rig, payload: Payload | None = None) -> None:
+    """Arm the arm at work; then put the load into the hand."""
+    rig.run(20.0)
+    assert not rig.permit()
+    if payload is not None:
+        give(rig, payload)
+
+
+def until_it_yields(rig: Rig, found: Payload | None = None) -> None:
+    """Run until the load leads the arm; `found`: load recognised in each tick, not confirmed."""
+    for _ in range(1000):
+        if found is not None:
+            rig.tick.loads._recognition.found = found
+        rig.step()
+        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
+            return
+    pytest.fail(f"in {rig.mode}")
+
+
 def friction(rig: Rig) -> list[list[float]]:
     """Learned friction of each joint."""
     return [shares[1:] for shares in rig.tick.estimator.memory()["learning"]["shares"]]
@@ -58,14 +77,12 @@ def news(rig: Rig, seconds: float) -> list[str]:
 
 
 def believe(rig: Rig, payload: Payload) -> None:
-    """As if it had been recognised, and confirmed, just now."""
+    """Set the load as recognised and confirmed in this tick."""
     rig.tick.loads._recognition.found = payload
     rig.tick.loads._recognition.confirmed = True
 
 
-def test_an_unannounced_cup_is_reported_once_and_nothing_is_learned(
-    rig: Rig, tmp_path: Path
-) -> None:
+def test_an_unannounced_load_is_reported_and_not_learned(rig: Rig, tmp_path: Path) -> None:
     rig.run(20.0)
     give(rig, CUP)
     said: list[str] = []
@@ -103,9 +120,7 @@ def test_an_unannounced_cup_is_reported_once_and_nothing_is_learned(
 
 
 def test_an_armed_arm_holds_what_it_carries_and_yields_to_a_change(rig: Rig) -> None:
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, CUP)
+    arm_and_give(rig, CUP)
     believe(rig, CUP)
     said = news(rig, 8.0)
     assert rig.mode is Mode.HOLDING
@@ -127,15 +142,9 @@ def test_an_armed_arm_holds_what_it_carries_and_yields_to_a_change(rig: Rig) -> 
     rig.tick.controller.request(Event.STOP, "the test", rig.time_s)
 
 
-def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
-    for _ in range(1000):
-        rig.step()
-        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
-            break
-    assert rig.mode is Mode.ADMITTANCE
+def test_a_load_confirmed_while_it_leads_the_arm_is_held(rig: Rig) -> None:
+    arm_and_give(rig, JUG)
+    until_it_yields(rig)
     rig.run(0.05)  # the residual shows it
     believe(rig, JUG)
     rig.step()
@@ -150,17 +159,10 @@ def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
     assert rig.mode is Mode.TRACKING, said
 
 
-def test_what_is_recognised_and_not_confirmed_leads_the_arm_on(rig: Rig) -> None:
-    """It is said, with what to do; in doubt it is a person."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
-    for _ in range(1000):
-        rig.tick.loads._recognition.found = JUG
-        rig.step()
-        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
-            break
-    assert rig.mode is Mode.ADMITTANCE
+def test_a_recognised_load_that_is_not_confirmed_leads_the_arm_on(rig: Rig) -> None:
+    """It is reported with advice; in doubt it is a person."""
+    arm_and_give(rig, JUG)
+    until_it_yields(rig, JUG)
     assert rig.tick.loads.words == "looks like a load of 1 kg at the hand"
     assert rig.tick.loads.advice.startswith("`contactctl stop`, then `contactctl payload 1")
     for _ in range(100):
@@ -169,12 +171,10 @@ def test_what_is_recognised_and_not_confirmed_leads_the_arm_on(rig: Rig) -> None
         assert rig.mode is Mode.ADMITTANCE
 
 
-def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -> None:
+def test_the_arm_stays_when_a_person_taken_for_a_load_lets_go(rig: Rig) -> None:
     """A pull of constant force, straight down, is a load to the residual. The arm holds; it does
     not go on by itself when the hand is gone, and yields to the next touch."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
+    arm_and_give(rig, JUG)
     rig.run(0.1)
     for _ in range(1000):
         if rig.mode is Mode.HOLDING:
@@ -199,7 +199,7 @@ def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -
     rig.arm.external_torque[3] = 0.0
 
 
-def test_a_mass_that_is_confirmed_as_another_is_said_again(rig: Rig) -> None:
+def test_a_load_is_reported_again_when_its_mass_changes(rig: Rig) -> None:
     give(rig, CUP)
     believe(rig, CUP)
     believed = msgspec.structs.replace(CUP, mass=0.55)
@@ -214,7 +214,7 @@ def test_a_mass_that_is_confirmed_as_another_is_said_again(rig: Rig) -> None:
     assert texts[0].startswith("looks like a load of 1 kg")
 
 
-def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
+def test_a_load_is_forgotten_when_the_drives_are_off(rig: Rig) -> None:
     give(rig, CUP)
     believe(rig, CUP)
     rig.run(0.1)
@@ -225,7 +225,7 @@ def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
     assert rig.last.recognised is None
 
 
-def test_what_comes_to_an_announced_load_is_advised_with_it(rig: Rig) -> None:
+def test_a_load_beside_an_announced_one_is_advised_as_their_sum(rig: Rig) -> None:
     """Water in the cup: both together are what is to be announced."""
     assert not rig.tick.carry(CUP, "the test")
     loads = rig.tick.loads
@@ -248,13 +248,9 @@ def until_it_holds(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("torque", [2.5, -2.5])
-def test_a_hand_that_comes_while_an_announced_load_settles_is_detected(
-    rig: Rig, torque: float
-) -> None:
+def test_a_hand_is_detected_while_an_announced_load_settles(rig: Rig, torque: float) -> None:
     """The load that the residual still shows for some 0.1 s covers no touch of a joint."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
+    arm_and_give(rig, JUG)
     until_it_holds(rig)
     assert not rig.tick.carry(JUG, "the test")
     rig.arm.external_torque[3] = torque
@@ -265,8 +261,7 @@ def test_a_hand_that_comes_while_an_announced_load_settles_is_detected(
 
 def test_an_announced_load_that_is_absent_is_a_contact(rig: Rig) -> None:
     """Its weight is felt upwards, at once: nothing of it is taken for what settles."""
-    rig.run(20.0)
-    assert not rig.permit()
+    arm_and_give(rig)
     assert not rig.tick.carry(JUG, "the test")
     rig.run(0.15)
     assert rig.mode is Mode.ADMITTANCE
@@ -274,9 +269,7 @@ def test_an_announced_load_that_is_absent_is_a_contact(rig: Rig) -> None:
 
 def test_an_arm_that_holds_a_load_is_reported_and_does_not_move(rig: Rig) -> None:
     """Armed, at rest against more than the level: what is left of it in r is no hand's."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
+    arm_and_give(rig, JUG)
     believe(rig, JUG)
     until_it_holds(rig)
     q = rig.samples.link_position.copy()
@@ -299,14 +292,12 @@ def test_an_arm_that_holds_a_load_is_reported_and_does_not_move(rig: Rig) -> Non
     ],
     ids=["jug", "cup"],
 )
-def test_an_armed_arm_that_yields_to_a_load_says_what_to_do_within_seconds(
+def test_an_armed_arm_that_yields_to_a_load_reports_advice_within_seconds(
     rig: Rig, load: Payload, seconds: float, words: str
 ) -> None:
     """It stands at rest, where friction makes more or less of the load. It is reported, armed,
     started, and goes on."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, load)
+    arm_and_give(rig, load)
     said, *_ = [text for text in news(rig, seconds) if "contactctl payload" in text]
     assert said.startswith(words)
     if load is JUG:
@@ -327,8 +318,7 @@ def test_an_armed_arm_that_yields_to_a_load_says_what_to_do_within_seconds(
 
 
 def test_a_hand_that_leads_is_no_hint(rig: Rig) -> None:
-    rig.run(20.0)
-    assert not rig.permit()
+    arm_and_give(rig)
     rig.arm.external_torque[3] = 2.5
     said = news(rig, 4.0)
     assert rig.mode is Mode.ADMITTANCE
@@ -341,11 +331,9 @@ def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
     assert not rig.tick.carry(CUP, "the test")
     loads = rig.tick.loads
     loads._pull.mass = 0.3
-    assert (
-        "like some 0.3 kg more than the 0.5 kg announced: if it is a load, `contactctl p"
-        in loads.hint
-    )
-    believe(rig, CUP)  # recognised: that is said instead
+    words = "like some 0.3 kg more than the 0.5 kg announced: if it is a load, `contactctl p"
+    assert words in loads.hint
+    believe(rig, CUP)  # recognised: that is reported instead
     assert not loads.hint
 
 
@@ -353,10 +341,8 @@ def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("every", "often"), [(300, True), (600, True), (601, False), (2000, False)]
 )
-def test_a_trajectory_that_is_interrupted_again_and_again_is_said(
-    goes_on: Mode, every: int, often: bool
-) -> None:
-    """Every so many ticks, of 10 ms; for as long as it lasts, and no longer."""
+def test_a_trajectory_is_often_interrupted(goes_on: Mode, every: int, often: bool) -> None:
+    """Every so many ticks of 10 ms; for as long as it lasts, and no longer."""
     seen, modes = Interruptions(0.01), [goes_on, Mode.ADMITTANCE]
     for _ in range(2):
         seen.step(modes[0], modes[1])

@@ -99,7 +99,7 @@ def test_a_late_tick_is_counted_and_left_out(late: float, left_out: int) -> None
 
 
 @given(st.lists(st.floats(0.0, 0.05), min_size=1, max_size=20))
-def test_however_late_a_tick_the_drives_have_time_to_answer_it(late: list[float]) -> None:
+def test_the_drives_have_time_to_answer_however_late_a_tick_is(late: list[float]) -> None:
     loop, tick, clock = loop_of(**{f"tick{k}": s for k, s in enumerate(late)})
     for _ in range(len(late) + 2):
         loop.step()
@@ -133,7 +133,7 @@ def test_a_tick_knows_how_long_the_one_before_worked() -> None:
     assert [w.work_s for _, w in tick.finished] == pytest.approx([0.0, 0.002, 0.005])
 
 
-def test_it_runs_until_it_is_reported_to_stop_and_serves_the_doors_after_each_tick() -> None:
+def test_requests_are_served_after_each_tick_until_the_loop_ends() -> None:
     loop, tick, _ = loop_of()
     calls: list[int] = []
     loop.run(lambda: calls.append(len(tick.finished)), lambda: len(calls) < 3)

@@ -122,7 +122,7 @@ def test_paused_it_goes_on_and_stopped_it_is_forgotten() -> None:
     assert arm.cause == "start of sinusoids by me"
 
 
-def test_it_is_refused_while_something_is_felt() -> None:
+def test_go_is_refused_during_a_contact() -> None:
     arm = holding_arm()
     arm.touch()
     assert go(arm) == ["a feels it: free it first"]

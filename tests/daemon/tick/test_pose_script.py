@@ -80,7 +80,7 @@ def go(arm: IdealArm, goal: Vector, speed: float) -> list[str]:
         (Event.PAUSE,), ("wait", 3.0), (Event.START,),
     ],
 )  # fmt: skip
-def test_of_any_script(
+def test_setpoints_stay_within_limits_for_any_script(
     after: AfterQuiet, contact: ContactReaction, script: list[tuple[object, ...]]
 ) -> None:
     reactions = Reactions(contact=contact)

@@ -23,7 +23,7 @@ def holding() -> IdealArm:
 
 
 def arm_in(mode: Mode) -> IdealArm:
-    """Brought there by what a person does and the arm feels."""
+    """Arm that commands and contacts have brought into the mode."""
     letting_go = mode is Mode.RELEASING
     collision = ContactReaction.RELEASE if letting_go else ContactReaction.RETRACT
     reactions = Reactions(ContactReaction.ADMITTANCE, collision)
@@ -76,7 +76,7 @@ def test_every_command_in_every_mode(mode: Mode, command: str) -> None:
     [(m, c) for m, c in product(Mode, ("start", "arm", "enable", "pause", "disable", "reset"))],
 )
 def test_advice_is_given_only_where_it_leads_to_what_was_asked(mode: Mode, command: str) -> None:
-    """A person who does what a refusal says is not refused in the same way again."""
+    """A command that follows the advice of a refusal is not refused in the same way again."""
 
     def ask() -> list[str]:
         return arm.controller.arm("me") if command == "arm" else arm.request(Event(command))
@@ -126,9 +126,8 @@ def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None
     off.q = np.array([0.0, 1.2])
     off.step()
     assert off.request(Event.ENABLE)[0].startswith("b stands at 1.200 rad, more than 0 outside")
-    assert off.request(Event.START) == [
-        "cannot start: the drives are off (`contactctl enable` first)"
-    ]
+    (reason,) = off.request(Event.START)
+    assert reason == "cannot start: the drives are off (`contactctl enable` first)"
     assert off.mode is Mode.OFF
 
 
@@ -136,15 +135,12 @@ def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None
     ("condition", "refused"),
     [(Condition.EMERGENCY, True), (Condition.ADAPTER_GONE, True), (Condition.ERROR_PASSIVE, False)],
 )
-def test_enable_is_refused_while_something_asks_for_a_quick_stop(
-    condition: Condition, refused: bool
-) -> None:
+def test_enable_is_refused_during_a_quick_stop_finding(condition: Condition, refused: bool) -> None:
     off = ideal_arm()
     off.step()
     findings = (Finding(condition, "x"),)
-    observed = ControlInput(
-        off.q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", (OFF, OFF), findings
-    )
+    zero = np.zeros(2)
+    observed = ControlInput(off.q, zero, zero, zero, "", "", (OFF, OFF), findings)
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF

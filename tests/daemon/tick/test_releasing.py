@@ -147,7 +147,7 @@ def test_a_collision_that_lasts_stops_a_trajectory() -> None:
 
 
 @pytest.mark.parametrize("seen", [{"sure": False}, {"findings": HOLDS}])
-def test_where_the_sensing_is_doubted_it_only_stops(seen: dict[str, Any]) -> None:
+def test_a_collision_with_doubted_sensing_stops_the_arm(seen: dict[str, Any]) -> None:
     arm = tracking()
     arm.step(**arm.press(2.0), struck=True, **seen)
     assert arm.mode is M.STOPPING
@@ -155,7 +155,7 @@ def test_where_the_sensing_is_doubted_it_only_stops(seen: dict[str, Any]) -> Non
     assert arm.mode is M.HOLDING
 
 
-def test_where_the_links_are_not_trusted_only_a_blow_counts_and_it_stops() -> None:
+def test_a_blow_stops_an_arm_whose_links_are_not_trusted() -> None:
     arm = tracking()
     arm.controller.motion.blind = True
     arm.step(**arm.press(2.0))
@@ -216,7 +216,7 @@ def test_a_motor_that_goes_as_it_was_commanded_is_braked_within_its_acceleration
     assert step == pytest.approx(LIMITS.acceleration[0] * T)
 
 
-def test_it_holds_away_from_what_it_let_go_of() -> None:
+def test_it_holds_away_from_the_released_obstacle() -> None:
     """A link that falls back through its gap meanwhile is not pressed on to it."""
     arm = released(tracking())
     arm.step()
@@ -232,7 +232,7 @@ def test_disabled_on_the_way_it_lets_go_of_the_drives_when_it_stands() -> None:
     assert arm.mode is M.OFF
 
 
-def test_what_it_led_the_arm_is_counted_over_the_arming() -> None:
+def test_the_distance_of_a_release_counts_towards_the_allowance() -> None:
     arm = tracking(armed=True)
     arm.controller._allowance.renew()
     released(arm, 2.0, 0.6)
@@ -250,7 +250,7 @@ def test_it_brakes_before_the_end_of_its_distance(velocity: float) -> None:
     assert 0.08 < arm.q[0] - start <= 0.1 + 1e-9
 
 
-def test_what_still_presses_is_reported_as_long_as_it_does() -> None:
+def test_a_lasting_pressure_is_reported_as_long_as_it_lasts() -> None:
     arm = tracking()
     arm.hit(2.0)
     assert arm.controller.pressed == "", "it lets go"

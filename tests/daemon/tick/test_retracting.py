@@ -82,9 +82,7 @@ def test_from_a_contact_that_lasts_it_backs_away_again(tracking: Make) -> None:
         (AllowanceSettings(max_duration_s=2.0, max_excursion=3.0), "for more than 2 s"),
     ],
 )
-def test_a_biased_residual_does_not_make_it_back_away_for_ever(
-    bounds: AllowanceSettings, says: str
-) -> None:
+def test_backing_away_from_a_bias_is_bounded(bounds: AllowanceSettings, says: str) -> None:
     arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=bounds)
     assert arm.controller.arm("me") == []
     start = arm.q[0]
@@ -153,7 +151,7 @@ def test_from_a_blow_in_motion_it_backs_away_as_far_as_from_one_at_rest(tracking
     assert arm.q[0] == pytest.approx(start + MANNER.retract_distance, abs=4e-3)
 
 
-def test_where_no_hand_is_witnessed_it_stands_until_one_is(tracking: Make) -> None:
+def test_it_backs_away_only_from_a_witnessed_hand(tracking: Make) -> None:
     arm = tracking(contact=R.RETRACT)
     arm.controller._witness = HandWitness(np.full(2, 0.5), np.zeros(2))
 
@@ -174,9 +172,7 @@ def test_where_no_hand_is_witnessed_it_stands_until_one_is(tracking: Make) -> No
     assert arm.q[0] - start > 0.8 * MANNER.retract_distance
 
 
-def test_pushed_against_on_the_way_it_backs_away_from_nothing_until_it_is_quiet(
-    tracking: Make,
-) -> None:
+def test_pushed_against_on_the_way_it_does_not_back_away_until_quiet(tracking: Make) -> None:
     arm = tracking(contact=R.RETRACT)
     arm.touch(2.0)
     arm.run(0.1)

@@ -17,7 +17,7 @@ def reported(losses: SampleLosses, lost_of_ten: int, ticks: int) -> list[str]:
     return [notice.text for notice in news]
 
 
-def test_who_loses_many_is_reported_once_and_by_name() -> None:
+def test_a_joint_with_many_lost_samples_is_reported_once_by_name() -> None:
     losses = SampleLosses(["shoulder", "elbow"], 0.01)
     (text,) = reported(losses, 4, 5000)
     assert text.startswith("samples go missing: elbow 10%: cable")
@@ -28,7 +28,7 @@ def test_who_loses_many_is_reported_once_and_by_name() -> None:
     assert len(reported(losses, 4, 5000)) == 1
 
 
-def test_a_few_are_no_news_and_none_cost_nothing() -> None:
+def test_few_lost_samples_are_not_reported() -> None:
     losses = SampleLosses(["shoulder", "elbow"], 0.01)
     assert reported(losses, 0, 10) == []
     assert losses.share.tolist() == [0.0, 0.0]

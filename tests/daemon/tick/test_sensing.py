@@ -1,4 +1,4 @@
-"""Watch on the sensing of contact, its news, and what the arm is said to feel meanwhile."""
+"""Watch on the sensing of contact, and its notices."""
 
 from dataclasses import dataclass, field
 
@@ -31,12 +31,12 @@ def estimate(sensing: str, flags: Flag) -> Estimate:
 
 @dataclass
 class Reported:
-    """Ticks of estimates, and what became of them."""
+    """Sensing after ticks of estimates."""
 
     sensing: Sensing = field(default_factory=lambda: Sensing(len(NAMES), GAIN))
     tick: int = 0
 
-    def tell(self, sensing: str | None, ticks: int = 1, flags: Flag = NO_FLAG) -> "Reported":
+    def step(self, sensing: str | None, ticks: int = 1, flags: Flag = NO_FLAG) -> "Reported":
         for _ in range(ticks):
             self.tick += 1
             now = None if sensing is None else estimate(sensing, flags)
@@ -65,7 +65,7 @@ def test_which_joints_sense_and_since_when(name: str) -> None:
     story, joints, since = CHANGES[name]
     reported = Reported()
     for sensing, ticks in story:
-        reported.tell(sensing, ticks)
+        reported.step(sensing, ticks)
     assert reported.sensing.joints.tolist() == [each == "." for each in joints]
     assert reported.since == since
 
@@ -85,40 +85,40 @@ UNSURE: dict[str, tuple[Flag, int]] = {
 
 
 @pytest.mark.parametrize("name", UNSURE)
-def test_sure_is_what_has_settled(name: str) -> None:
+def test_sensing_is_sure_once_the_residual_has_settled(name: str) -> None:
     flags, unsure = UNSURE[name]
-    reported = Reported().tell(ALL, 100)
-    sure = [reported.tell(ALL, flags=flags).sensing.sure]
-    sure += [reported.tell(ALL).sensing.sure for _ in range(3 * SETTLING)]
+    reported = Reported().step(ALL, 100)
+    sure = [reported.step(ALL, flags=flags).sensing.sure]
+    sure += [reported.step(ALL).sensing.sure for _ in range(3 * SETTLING)]
     assert sure.count(False) == (unsure + 1 if unsure else 0)
     assert sure == sorted(sure), "not at once"
 
 
 def test_raised_levels_are_settled_and_not_sure() -> None:
     """A level raised for missing samples may hide a hand: nothing is quiet by it."""
-    reported = Reported().tell(ALL, 30)
+    reported = Reported().step(ALL, 30)
     assert reported.sensing.sure
-    reported.tell(ALL, 1, Flag.LATE | Flag.RAISED)
+    reported.step(ALL, 1, Flag.LATE | Flag.RAISED)
     for _ in range(20):
         assert (reported.sensing.settled, reported.sensing.sure) == (True, False)
-        reported.tell(ALL)
-    reported.tell(ALL, 14)
+        reported.step(ALL)
+    reported.step(ALL, 14)
     assert reported.sensing.sure
 
 
 def test_sure_needs_every_joint() -> None:
-    reported = Reported().tell(ALL, 100)
+    reported = Reported().step(ALL, 100)
     assert reported.sensing.sure
-    assert not reported.tell(ELBOW).sensing.sure
-    assert reported.tell(ALL).sensing.sure, "what was bridged needs no time to settle"
-    assert not Reported().tell(None, 100).sensing.sure
+    assert not reported.step(ELBOW).sensing.sure
+    assert reported.step(ALL).sensing.sure, "what was bridged needs no time to settle"
+    assert not Reported().step(None, 100).sensing.sure
 
 
 def test_residuals_that_begin_at_zero_are_unsettled_and_sense_from_then_on() -> None:
-    reported = Reported().tell(ALL, 100)
+    reported = Reported().step(ALL, 100)
     reported.sensing.begin_anew(T * reported.tick)
     assert reported.since == [100, 100]
-    sure = [reported.sensing.sure] + [reported.tell(ALL).sensing.sure for _ in range(2 * SETTLING)]
+    sure = [reported.sensing.sure] + [reported.step(ALL).sensing.sure for _ in range(2 * SETTLING)]
     assert sure.count(False) == SETTLING + 1
     assert reported.sensing.joints.all()
 
@@ -129,16 +129,16 @@ AGAIN = round(AGAIN_S / T)
 
 
 def news(*story: tuple[str, int]) -> list[tuple[int, Notice]]:
-    """News of ticks (what senses, how many): a joint is found deaf in its third and after."""
-    reported, made, deaf = Reported().tell(ALL, 10), SensingNotices(NAMES), 0
+    """Notices of ticks (what senses, how many): not sensing is found from its third tick on."""
+    reported, made, lost = Reported().step(ALL, 10), SensingNotices(NAMES), 0
     found = []
     for sensing, ticks in story:
         for _ in range(ticks):
-            reported.tell(sensing)
-            deaf = 0 if sensing == ALL else deaf + 1
+            reported.step(sensing)
+            lost = 0 if sensing == ALL else lost + 1
             names = ", ".join(n for n, s in zip(NAMES, sensing, strict=True) if s == "x")
             findings = (Finding(Condition.LATE), Finding(Condition.NOT_SENSING, names))
-            these = findings if deaf >= 3 else findings[:1]
+            these = findings if lost >= 3 else findings[:1]
             notices = made.step(T * reported.tick, reported.sensing, these)
             found += [(reported.tick, notice) for notice in notices]
     return found
@@ -178,7 +178,7 @@ NEWS: dict[str, tuple[list[tuple[str, int]], list[tuple[int, str]]]] = {
 
 
 @pytest.mark.parametrize("name", NEWS)
-def test_news_of_what_does_not_sense(name: str) -> None:
+def test_notices_of_joints_that_do_not_sense(name: str) -> None:
     story, expected = NEWS[name]
     found = news(*story)
     assert [(tick, notice.text) for tick, notice in found] == expected

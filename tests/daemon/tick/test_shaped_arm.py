@@ -79,7 +79,7 @@ def squeezed(rig: Rig, seconds: float, finger: float, hand: float = 0.0) -> list
     return gaps
 
 
-def test_a_finger_between_two_links_is_felt_and_not_squeezed(folder: Path) -> None:
+def test_a_finger_between_two_links_is_detected_and_not_squeezed(folder: Path) -> None:
     with opened(folder) as rig:
         folds(rig, FOLDED)
         gaps = squeezed(rig, 4.0, FINGER_M)
@@ -100,7 +100,7 @@ def test_a_hand_folds_the_elbow_no_further_than_the_margin(folder: Path, tmp_pat
     assert gaps[-1] < 0.023
 
 
-def test_what_no_wall_slows_is_bit_for_bit_as_without_shapes(folder: Path) -> None:
+def test_motion_that_no_wall_slows_is_identical_to_motion_without_shapes(folder: Path) -> None:
     """Contact detection, too: of a push on its trajectory. It goes on some ticks later, as its way
     is looked at."""
     runs = []
@@ -158,7 +158,7 @@ def rows_beside_plane(rig: Rig) -> list[list[int]]:
 
 
 @pytest.mark.parametrize("by", ["go", "hand"])
-def test_an_arm_that_hangs_in_a_table_gets_out_of_it(by: str, hanging) -> None:
+def test_an_arm_inside_a_table_may_leave_it(by: str, hanging) -> None:
     with lockstep_rig(hanging(TABLE)) as rig:
         rig.enable()
         rig.run(0.5)
@@ -190,7 +190,7 @@ GUIDES = [
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=str)
-def test_a_hand_that_leads_on_a_guide_takes_nothing_into_a_wall(guide, hanging) -> None:
+def test_a_hand_on_a_guide_leads_no_link_into_a_wall(guide, hanging) -> None:
     """It rests there after that, below every level, and the arm swings to find it."""
     rng, least, slowed, swung, away = np.random.default_rng(3), 1.0, 0, 0, []
     with lockstep_rig(hanging(FRONT)) as rig:

@@ -167,9 +167,7 @@ def test_a_waiting_arm_stays_where_a_stream_jumps_from_one_side_of_it_to_the_oth
 
 
 @pytest.mark.parametrize("held_up_s", [0.05, 0.1, 0.2])
-def test_the_silence_goes_on_while_the_daemon_is_held_up(
-    streamed: Streamed, held_up_s: float
-) -> None:
+def test_silence_lasts_while_the_daemon_is_held_up(streamed: Streamed, held_up_s: float) -> None:
     """Its ticks are left out; their time has passed."""
     for _ in range(100):
         streamed.q = streamed.q + np.array([0.004, 0.0])

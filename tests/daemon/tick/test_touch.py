@@ -81,7 +81,7 @@ def test_the_modes_of_a_touch(run: Run) -> None:
     assert run.modes() == ["enabling", "holding", "tracking", "admittance", "tracking"]
 
 
-def test_a_touch_is_named_and_felt_with_its_sign(run: Run) -> None:
+def test_a_touch_is_named_with_its_joint_and_sign(run: Run) -> None:
     first = run.ticks(Mode.ADMITTANCE)[0]
     assert re.match(r"contact of \+\S+ Nm at LElbowRoll", first.cause)
     contacts = [event.contact for event in first.notices if event.contact]

@@ -72,7 +72,7 @@ def test_an_arm_that_holds_has_no_reference_inside_a_wall() -> None:
     np.testing.assert_allclose(arm.q, stood, atol=1e-3)
 
 
-def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
+def test_a_finger_below_a_ceiling_stops_the_gap_from_closing() -> None:
     """Led up to 15 mm below the ceiling, joint a yields to a finger there at once. A hand that
     pushes it up on that gets no further than the margin."""
     arm = tracking_arm(walls=below(LOW))
@@ -96,7 +96,7 @@ def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
     assert gap() < 0.006
 
 
-def test_what_was_looked_at_before_a_stop_is_no_look_at_the_next_way() -> None:
+def test_the_path_is_checked_again_after_a_stop() -> None:
     """Stopped as it looked along a way that is clear, it backs away later for longer than the quiet
     time, below a ceiling that the rest of the trajectory meets."""
     both = Reactions(ContactReaction.ADMITTANCE, ContactReaction.RETRACT)

@@ -110,14 +110,16 @@ def test_a_path_that_was_refused_is_shown_no_longer_once_the_arm_is_off(rig: Rig
     assert rig.state().meeting is UNSET
 
 
-def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
+def test_a_payload_without_a_shape_is_reported(rig: Rig) -> None:
     assert rig.tick.carry(Payload(mass=0.1, com=[0.0, 0.0, 0.0]), "a test") == []
     assert "shape" in rig.tick.controller.machine.changes[-1].text
     assert rig.tick.carry(None, "a test") == []
     assert "shape" not in rig.tick.controller.machine.changes[-1].text
 
 
-def test_what_leads_into_it_all_the_same_stops(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_into_a_wall_that_was_not_refused_stops_before_it(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("daemon.tick.controller.path_collision", lambda *_: None)
     assert not rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
     nearest, slowed = 1.0, False
