@@ -1,4 +1,4 @@
-"""The page in a real browser, over a daemon that publishes what a test says.
+"""The page in a real browser, over a daemon whose States a test changes.
 
 Pictures of all states go to build/page. Any error in the browser's console fails a test, a
 violation of the content security policy among them.
@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from bench.rigs.browser import browser, chromium
 from daemon.protocol.state import State
 from tests.programs.web.page_server import Page, page_of
-from tests.programs.web.screens import Screens
+from tests.programs.web.screens import PHONE, Screen, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -36,7 +36,7 @@ def screens(launched: Any) -> Iterator[Screens]:
 
 @pytest.fixture
 def arm(fake_daemon: FakeDaemon, make_state: Callable[..., State]) -> FakeDaemon:
-    """A daemon that publishes what a test says, at about 100 Hz, by the machine's own clock."""
+    """A daemon whose States have a test's changes, at about 100 Hz, by the machine's own clock."""
     begun = time.monotonic()
     fake_daemon.changes = {}
 
@@ -57,3 +57,15 @@ def arm(fake_daemon: FakeDaemon, make_state: Callable[..., State]) -> FakeDaemon
 def page(arm: FakeDaemon) -> Iterator[Page]:
     with page_of(arm.path) as one:
         yield one
+
+
+@pytest.fixture
+def screen(screens: Screens, page: Page) -> Screen:
+    """The page without its scene in a wide window, live."""
+    return screens.live(f"{page.url}?scene=off")
+
+
+@pytest.fixture
+def phone(screens: Screens, page: Page) -> Screen:
+    """The page without its scene on a phone, live."""
+    return screens.live(f"{page.url}?scene=off", PHONE)
