@@ -16,6 +16,13 @@ from programs.web.server import Site
 
 TOKEN = "0123456789abcdef0123"
 TIMEOUT_S = 20.0
+DEFAULTS: dict[str, Any] = {
+    "hosts": (),
+    "tls": False,
+    "read_only": False,
+    "token_file": None,
+    "recordings": None,
+}
 
 
 class Visitor:
@@ -58,16 +65,9 @@ class Visitor:
 async def visiting(
     *view_sockets: Path, others: Others | None = None, **options: Any
 ) -> AsyncIterator[Visitor]:
-    defaults: dict[str, Any] = {
-        "hosts": (),
-        "tls": False,
-        "read_only": False,
-        "token_file": None,
-        "recordings": None,
-    }
     with listen("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
-        settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **{**defaults, **options})
+        settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **DEFAULTS | options)
         jar = aiohttp.CookieJar(unsafe=True)
         async with (
             serving(settings, listener, others) as site,
