@@ -17,14 +17,16 @@ MASTERS_HEARTBEAT = 0x77F
 
 
 @pytest.mark.parametrize("folder", [ROMEO, ROMEO.parent / "desk_arm", SINGLE_JOINT])
-def test_a_drive_that_obeys_nothing_goes_at_most_twice_as_far_as_without_a_daemon(folder) -> None:
+def test_a_drive_that_ignores_commands_travels_at_most_twice_as_far_as_without_a_daemon(
+    folder,
+) -> None:
     c = load_robot(folder).configuration
     for travel in travels(c):
         dies = travel.master_timeout + travel.braking
         assert travel.total - travel.detection <= 2.0 * dies
 
 
-def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
+def test_no_joint_travels_further_than_computed_when_the_daemon_dies_at_full_speed() -> None:
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
         c = rig.robot.configuration
@@ -77,7 +79,7 @@ def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
         ("on_heartbeat",),
     ],
 )
-def test_no_joint_goes_further_whatever_its_drive_obeys(
+def test_no_joint_travels_further_than_computed_whatever_its_drive_obeys(
     obeys: tuple[str, ...], shows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At full speed a drive gets deaf to more and more; it shows what it does, or nothing. Its

@@ -53,7 +53,7 @@ def dashboard(make_state: MakeState, make_snapshot: Callable[[int], Snapshot]) -
 
 @pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24)])
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
-def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
+def test_it_fits_the_terminal(dashboard: Any, width: int, height: int, encoding: str) -> None:
     notices = [Notice(kind="note", text="x" * 200)] * 40
     frame = dashboard(range(0, 131))
     history = History()
@@ -148,7 +148,7 @@ def pictures(of: dict[str, list[str]]) -> str:
 
 
 @pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24), (40, 24)])
-def test_its_words(dashboard: Any, width: int, height: int) -> None:
+def test_words_of_every_scene_at_each_width(dashboard: Any, width: int, height: int) -> None:
     frames = {name: dashboard(range(131), **changes) for name, changes in SCENES.items()}
     plain = frames["armed, and yields"]
     for lag_s, silent_s in ((0.4, 0.4), (0.7, 0.0), (0.0, 0.5)):
@@ -171,7 +171,7 @@ def test_words_of_a_status(tmp_path: Path, width: int) -> None:
     same_words(GOLDEN / f"status_{width}.txt", pictures(shown))
 
 
-def test_a_reader_that_comes_late_lags() -> None:
+def test_a_late_reader_lags() -> None:
     """To a state 0.2 s after it was sent at best, later 0.9 s."""
     lag = Lag()
     seen = [lag.of(100.0 + now, time_s) for now, time_s in ((0.3, 0.0), (1.2, 1.0), (2.9, 2.0))]
@@ -231,7 +231,7 @@ def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
     assert "continues in 0.9 s if untouched" in shown
 
 
-def test_history_is_bounded_and_right(make_state: MakeState) -> None:
+def test_history_is_bounded_and_summarised(make_state: MakeState) -> None:
     history = History()
     assert history.summary() == Summary()
     for tick in range(5000):
@@ -271,5 +271,7 @@ def test_every_mode_has_a_style() -> None:
         ({"mode": Mode.FAULTED, "armed": False}, "use the emergency stop if the arm moves"),
     ],
 )
-def test_what_was_known_last(make_state: MakeState, changes: dict[str, Any], said: str) -> None:
+def test_the_last_known_state_is_named_with_the_advice(
+    make_state: MakeState, changes: dict[str, Any], said: str
+) -> None:
     assert last_known(make_state(0, **changes)).endswith(said)

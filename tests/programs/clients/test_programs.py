@@ -115,7 +115,7 @@ def test_standard_library(fake_daemon: Any, view: Path, start: Any) -> None:
     assert program.end() == (1, "the daemon ended\n")
 
 
-def test_without_a_daemon_they_say_so(start: Any) -> None:
+def test_a_missing_daemon_is_reported(start: Any) -> None:
     program = start(sys.executable, PROGRAMS / "contacts.py", "/nowhere")
     assert program.end() == (1, "/nowhere: No such file or directory\n")
     usage = "usage: contacts.py VIEW_SOCKET [--stop]\n"
@@ -191,7 +191,9 @@ def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
     assert start(built, "x" * 200).end()[0] == 1
 
 
-def test_c_is_reported_why_not(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
+def test_the_c_program_prints_the_reason_of_a_refusal(
+    fake_daemon: Any, view: Path, start: Any, tmp_path: Path
+) -> None:
     built = tmp_path / "contacts"
     compiler = hatch_build.compiler()
     subprocess.run([*compiler, "-o", str(built), str(PROGRAMS / "contacts.c")], check=True)
@@ -227,7 +229,7 @@ def validator(name: str) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schema)
 
 
-def test_what_a_daemon_says_fits_the_schemas(served: Any) -> None:
+def test_messages_of_a_daemon_fit_the_schemas(served: Any) -> None:
     """Messages of a whole daemon in lockstep: States, Status, Snapshot, refusals."""
     replies, states = validator("reply"), validator("state")
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as reader:
@@ -257,7 +259,9 @@ REQUESTS = [
 
 
 @pytest.mark.parametrize(("request_", "fits"), REQUESTS)
-def test_the_schema_takes_what_the_daemon_takes(request_: dict[str, Any], fits: bool) -> None:
+def test_the_schema_accepts_the_requests_that_the_daemon_accepts(
+    request_: dict[str, Any], fits: bool
+) -> None:
     assert validator("request").is_valid(request_) is fits
     try:
         msgspec.convert(request_, Request)
@@ -271,5 +275,5 @@ def test_the_schema_takes_what_the_daemon_takes(request_: dict[str, Any], fits: 
     ("name", "cls", "message"),
     [("reply", Reply, {"ok": "yes"}), ("state", State, {"tick": 1}), ("reply", Reply, [])],
 )
-def test_what_is_no_message_does_not_fit(name: str, cls: type, message: Any) -> None:
+def test_invalid_messages_do_not_fit_the_schemas(name: str, cls: type, message: Any) -> None:
     assert not validator(name).is_valid(message)

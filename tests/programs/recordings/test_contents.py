@@ -76,7 +76,7 @@ def test_gaps_and_faults_are_counted(
     assert contents.events == contents.faults
 
 
-def test_how_long_a_contact_lasts_while_states_are_lost_is_not_made_up(
+def test_the_duration_of_a_contact_ends_where_states_are_lost(
     make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
 ) -> None:
     ticks = [*range(90, 150), *range(1_000_000, 1_000_010)]
@@ -85,7 +85,7 @@ def test_how_long_a_contact_lasts_while_states_are_lost_is_not_made_up(
 
 
 @pytest.mark.parametrize("version", FORMATS)
-def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
+def test_replay_lists_the_contents_of_a_file_of_each_format(version: int) -> None:
     answer = CliRunner().invoke(main, ["replay", str(FORMATS[version])])
     assert f"format {version}" in answer.output
     assert "states of joint" in answer.output
@@ -94,7 +94,7 @@ def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
     assert version != 2 or "1      0.26 s  joint            +2.95 Nm at most" in answer.output
 
 
-def test_replay_says_it_in_json() -> None:
+def test_replay_lists_the_contents_in_json() -> None:
     answer = CliRunner().invoke(main, ["replay", "--json", str(FORMATS[STATE_FORMAT])])
     reported = json.loads(answer.stdout)
     assert reported["identical"] is True
@@ -118,7 +118,7 @@ def cut(path: Path) -> None:
     ("make", "said"),
     [(empty, "is empty"), (foreign, "is not an MCAP file"), (cut, "ends in the middle")],
 )
-def test_what_is_no_recording_gets_one_line(
+def test_a_file_that_is_no_recording_gets_one_line(
     tmp_path: Path, make: Callable[[Path], None], said: str
 ) -> None:
     path = tmp_path / "strange.mcap"

@@ -48,7 +48,7 @@ def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
     assert rows[0]["action"] == first.reference
 
 
-def test_recordings_of_two_arms_are_no_dataset(
+def test_recordings_of_two_arms_are_refused(
     tmp_path: Path, make_snapshot: Callable[[int], Snapshot]
 ) -> None:
     frames = Frames(io.BytesIO(), 50, "a task", {})
@@ -77,7 +77,7 @@ def test_videos_beside_recordings_are_their_cameras(tmp_path: Path) -> None:
     assert cameras_of([tmp_path / "d.mcap"]) == {}
 
 
-def test_without_lerobot_it_says_how_to_get_it(
+def test_a_missing_lerobot_is_reported_with_the_command_to_build_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
@@ -100,7 +100,7 @@ def run(*words: str):  # type: ignore[no-untyped-def]
         ["--csv", str(RECORDING), str(RECORDING)],
     ],
 )
-def test_one_form_and_its_options(words: list[str]) -> None:
+def test_contradictory_forms_are_refused(words: list[str]) -> None:
     assert run(*words).exit_code == 2
 
 

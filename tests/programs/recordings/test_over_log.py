@@ -94,7 +94,7 @@ def test_a_collision_that_follows_belongs_to_its_contact(tmp_path, states):
     assert [one.level for one in pushes] == ["collision"]
 
 
-def test_samples_at_another_period_are_said_to_be(tmp_path, states):
+def test_samples_at_another_period_are_reported(tmp_path, states):
     # Those before the push, so that nothing fast is lost between two samples.
     path = saved(tmp_path / "log.csv", states[:500], every=2)
     result = replayed(path)
@@ -152,7 +152,7 @@ def test_pictures_and_answers_of_a_csv_need_a_configuration(tmp_path, states, co
     ("without", "says", "status"),
     [("current.joint", "no column current.joint", 65), ("time", "no column time", 65)],
 )
-def test_what_it_needs_is_asked_for(tmp_path, states, without, says, status):
+def test_a_missing_column_or_configuration_is_reported(tmp_path, states, without, says, status):
     result = replayed(saved(tmp_path / "log.csv", states[:200], without))
     assert result.exit_code == status
     assert says in result.output
@@ -170,7 +170,7 @@ def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, state
     assert "--config is for a log of another program" in result.output
 
 
-def test_motor_positions_that_the_estimator_takes_are_asked_for():
+def test_missing_motor_positions_are_reported():
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration
     estimator = msgspec.structs.replace(c.estimator, motor_position="measured")
@@ -180,7 +180,7 @@ def test_motor_positions_that_the_estimator_takes_are_asked_for():
         over_log(log, replace(robot, configuration=msgspec.structs.replace(c, estimator=estimator)))
 
 
-def test_milliseconds_are_no_seconds(tmp_path, states):
+def test_times_in_milliseconds_are_refused(tmp_path, states):
     """Between samples 10 s apart nothing was measured; a long log would become a hundred million
     samples."""
     late = [msgspec.structs.replace(s, time_s=1e3 * s.time_s) for s in states]

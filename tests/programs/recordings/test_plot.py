@@ -114,7 +114,7 @@ def test_the_page_has_the_values_and_asks_for_nothing(recording: Path, tmp_path:
 @pytest.mark.parametrize(
     ("around", "at_s"), [("0.5", 0.5), ("contact:1", 0.1), ("fault", 1.5), ("fault:1", 1.5)]
 )
-def test_around_shows_a_window_and_says_what_was_there(
+def test_around_shows_a_window_and_lists_the_values_there(
     recording: Path, tmp_path: Path, around: str, at_s: float
 ) -> None:
     page = tmp_path / "a.html"
@@ -141,14 +141,16 @@ def test_around_shows_a_window_and_says_what_was_there(
         (["-o", "/nonexistent/a.html"], 65, "cannot write /nonexistent/a.html"),
     ],
 )
-def test_wrong_questions(recording: Path, arguments: list[str], status: int, said: str) -> None:
+def test_wrong_options_are_refused(
+    recording: Path, arguments: list[str], status: int, said: str
+) -> None:
     answer = plotted(recording, *arguments)
     assert answer.exit_code == status
     assert said in answer.stderr
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
-def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
+def test_pictures_are_written(recording: Path, tmp_path: Path, suffix: str) -> None:
     target = tmp_path / f"a{suffix}"
     assert plotted(recording, "-o", target).exit_code == 0
     assert target.stat().st_size > 10_000
@@ -164,7 +166,7 @@ def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
         ),
     ],
 )
-def test_without_matplotlib_it_says_what_to_do(
+def test_a_missing_matplotlib_is_reported_with_the_command_to_install_it(
     recording: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -188,7 +190,7 @@ def test_a_recording_of_each_format_is_plotted(version: int, tmp_path: Path) -> 
     assert len(data_of(page)["joints"]) == 1
 
 
-def test_what_is_whole_of_a_broken_file_is_plotted(recording: Path, tmp_path: Path) -> None:
+def test_the_whole_part_of_a_broken_file_is_plotted(recording: Path, tmp_path: Path) -> None:
     cut, page = tmp_path / "cut.mcap", tmp_path / "a.html"
     long = [state_at(tick) for tick in range(600)]
     whole = written(tmp_path / "long.mcap", [snapshot_at(-1), *long]).read_bytes()

@@ -94,7 +94,7 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     assert answer.output.startswith(f"{log}: ")
 
 
-def test_what_ended_the_daemon_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
+def test_a_fault_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
     log, _ = run
     reported = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
     assert [text for _, text in reported.faults] == ["the bus is gone"]
@@ -120,7 +120,7 @@ def plotted(*arguments: object) -> Any:
     return CliRunner().invoke(main, ["plot", *map(str, arguments)])
 
 
-def test_what_is_missing_is_said(run: tuple[Path, list[State]], tmp_path: Path) -> None:
+def test_missing_files_are_reported(run: tuple[Path, list[State]], tmp_path: Path) -> None:
     log, _ = run
     context_of_log(log).write_bytes(b"{")
     assert "cannot be read" in plotted(log).stderr
@@ -142,7 +142,7 @@ def test_a_log_that_is_damaged_gets_one_line(run: tuple[Path, list[State]]) -> N
     assert str(log) in str(caught.value)
 
 
-def test_what_was_used_longest_ago_is_forgotten(
+def test_the_least_recently_used_recording_is_deleted(
     run: tuple[Path, list[State]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = as_recording(run[0])

@@ -109,7 +109,7 @@ def test_not_armed_has_no_time_left(states: list[State]) -> None:
     assert math.isnan(left_s)
 
 
-def test_a_state_of_before_is_taken_to_sense(states: list[State]) -> None:
+def test_a_state_of_an_older_format_is_taken_as_sensing(states: list[State]) -> None:
     old = replace(states[0], sensing=None)
     flags = frames.encode([old], JOINTS)[frames.HEADER.size + frames.TICK.size :][:3]
     assert all(flag & frames.SENSING for flag in flags)

@@ -47,7 +47,7 @@ async def test_a_recording_is_made_downloaded_and_deleted(
         ("DISK_LEFT_BYTES", 1 << 60, "ended: the last"),
     ],
 )
-async def test_a_recording_that_came_to_a_bound_says_so(
+async def test_a_recording_that_reached_its_bound_is_reported(
     fake_daemon: FakeDaemon,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

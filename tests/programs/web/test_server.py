@@ -52,7 +52,7 @@ async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) ->
         await live.close()
 
 
-async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
+async def test_the_arming_checks_are_asked_for_again_once_a_torque_changes(
     fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Or the page says of one joint that it feels nothing, and that it feels too much to arm."""
@@ -79,7 +79,7 @@ async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
 
 
 @pytest.mark.parametrize("command", ["stop", "disarm"])
-async def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
+async def test_a_command_reaches_the_daemon_and_returns_its_outcome(
     fake_daemon: FakeDaemon, command: str
 ) -> None:
     fake_daemon.mode = "stopping"
@@ -97,14 +97,14 @@ async def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
         assert [name for name, _ in fake_daemon.seen].count(command) == 1
 
 
-async def test_a_joint_that_is_not_seen_to_stand_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_joint_without_confirmed_standstill_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.mode, fake_daemon.unproved = "faulted", ["LElbowYaw"]
     async with visiting(door(fake_daemon)) as visitor:
         _, found = await visitor.command("/arms/0/stop")
         assert (found["outcome"], found["text"]) == ("not seen to stand", "LElbowYaw")
 
 
-async def test_a_refusal_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_refusal_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.refusals = {"stop": ["it is a test"]}
     async with visiting(door(fake_daemon)) as visitor:
         _, found = await visitor.command("/arms/0/stop")
@@ -137,7 +137,7 @@ def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
         asyncio.run(visit())
 
 
-def test_a_throng_outside_the_view_socket_only_delays_a_stop(
+def test_a_full_backlog_of_the_view_socket_only_delays_a_stop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.clients.stopping.WITHIN_S", TIMEOUT_S)
@@ -197,7 +197,7 @@ async def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
         assert before_s <= float(text) <= time.monotonic()
 
 
-async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
+async def test_summaries_are_sent_while_there_is_no_daemon(tmp_path: Path) -> None:
     async with visiting(tmp_path / "absent-view.sock") as visitor:
         live = await visitor.live()
         kinds: list[str] = []
@@ -206,6 +206,6 @@ async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) 
                 kinds.append(json.loads((await live.receive()).data)["kind"])
 
 
-def test_a_name_that_is_no_address_is_said_to_be_none() -> None:
+def test_an_unknown_host_name_is_reported() -> None:
     with pytest.raises(UnreachableError, match=r"on no address port 0: no such address"):
         listen("no address", 0)

@@ -55,7 +55,7 @@ def test_the_owner_has_a_name() -> None:
     assert owner(permit(uid=4_000_000)) == "uid 4000000"
 
 
-def test_words_change_only_with_what_they_say(make_state: Callable[..., State]) -> None:
+def test_the_time_left_of_a_permit_changes_no_words(make_state: Callable[..., State]) -> None:
     """The lease's countdown is in the frames: words are not sent anew for it."""
     state = replace(make_state(5), armed=True, permit=permit())
     later = replace(make_state(6), cause=state.cause, permit=permit(left_s=2.0))
@@ -63,7 +63,7 @@ def test_words_change_only_with_what_they_say(make_state: Callable[..., State]) 
 
 
 @pytest.mark.parametrize("condition", list(Condition))
-def test_what_to_do_about_a_fault_needs_no_answer_of_its_daemon(
+def test_the_advice_for_a_fault_needs_no_answer_of_the_daemon(
     make_state: Callable[..., State], condition: Condition
 ) -> None:
     for finding in (Finding(condition), Finding(condition, "LElbowRoll (left)", "3: 4 Nm")):

@@ -31,7 +31,7 @@ def advice(found: list[Any]) -> str | None:
         (FAULT, FAULT, "asked"),
     ],
 )
-def test_what_to_do_is_of_this_cause(
+def test_the_advice_belongs_to_the_cause(
     cause: str,
     asked_of: str | None,
     said: str | None,

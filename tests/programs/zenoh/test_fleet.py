@@ -77,7 +77,7 @@ def test_the_wait_for_an_arm_ends(arm: Arm, reports_s: float, waited_s: float) -
     assert bool(found[0].mode) == (reports_s < 8.0)
 
 
-def test_what_an_arm_says_and_since_when_it_is_silent() -> None:
+def test_an_arms_diagnosis_and_the_duration_of_its_silence_are_kept() -> None:
     fleet = Fleet()
     fleet.meet("left_arm", True, "abc")
     assert fleet.arms["left_arm"].silent_s(5.0) is None  # it has just come
@@ -213,7 +213,7 @@ def test_one_arm_is_stopped(
     assert (stops(fake_daemon), stops(second)) == (0, 1)
 
 
-def test_two_of_one_name_stand_only_if_both_do(
+def test_arms_of_one_name_stand_only_if_both_do(
     fake_daemon: Any,
     second: Any,
     routed: int,
@@ -242,7 +242,7 @@ def test_two_of_one_name_stand_only_if_both_do(
         one.unproved = []
 
 
-def test_all_arms_are_stopped_and_each_says_what_became_of_it(
+def test_all_arms_are_stopped_and_each_outcome_is_shown(
     arms: list[Bridge], fleet: Callable[..., Result], fake_daemon: Any, second: Any
 ) -> None:
     done = fleet("--stop", "--all", "--json")
@@ -267,7 +267,7 @@ def test_all_arms_are_stopped_and_each_says_what_became_of_it(
     assert lines["absent"] == "no answer"
 
 
-def test_without_arms_and_without_a_router(fleet: Callable[..., Result], port: int) -> None:
+def test_no_arm_and_no_router_are_reported(fleet: Callable[..., Result], port: int) -> None:
     assert fleet().exit_code == 69
     no_one = fleet("--stop", "--all")
     assert (no_one.exit_code, no_one.output) == (69, "contactd: no arm is alive at this router\n")
@@ -284,13 +284,13 @@ WRONG = [("left",), ("--stop",), ("--stop", "--all", "left"), ("--watch", "--jso
 
 
 @pytest.mark.parametrize("words", WRONG)
-def test_what_means_nothing_is_refused(words: tuple[str, ...]) -> None:
+def test_contradictory_options_are_refused(words: tuple[str, ...]) -> None:
     result = CliRunner().invoke(contactd.main, ["fleet", *words])
     assert result.exit_code == 2
     assert "--watch, --stop ARM..., or --stop --all" in result.output
 
 
-def test_arms_of_another_distribution_are_there_and_not_heard(
+def test_arms_of_another_distribution_are_listed_without_messages(
     arms: list[Bridge], fleet: Callable[..., Result]
 ) -> None:
     def rows() -> list[dict[str, Any]]:
@@ -321,7 +321,7 @@ def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
     opened.close()
 
 
-def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None:
+def test_a_hostile_answer_does_not_confirm_standstill(other: zenoh.Session, routed: int) -> None:
     """Answers on an arm's behalf, and what is no message."""
     answers = iter([b"", b"\0\1\0\0", outcome(False, "\x1b[2J"), None])
 
@@ -351,7 +351,7 @@ def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None
     assert found[2][1] == "?[2J"
 
 
-def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("programs.zenoh")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "zenoh", None)
