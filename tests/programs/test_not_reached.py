@@ -33,7 +33,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def door(path: Path, answer: Answer) -> Iterator[None]:
+def answering(path: Path, answer: Answer) -> Iterator[None]:
     """A socket whose every request gets what `answer` says to its command; None: none, and b"": the
     connection is closed."""
 
@@ -86,13 +86,13 @@ def test_a_missing_daemon_is_reported(
 )
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_missing_answer_is_reported(tmp_path: Path, command: str, answer: Any, why: str) -> None:
-    with door(tmp_path / "control", lambda _: answer):
+    with answering(tmp_path / "control", lambda _: answer):
         result = say(tmp_path / "control", command)
     assert (result.exit_code, result.stderr) == (69, f"{AT_ONCE}{why})\n")
 
 
 def test_an_answer_of_another_version_is_reported(tmp_path: Path) -> None:
-    with door(tmp_path / "control", lambda _: b"{"):
+    with answering(tmp_path / "control", lambda _: b"{"):
         result = say(tmp_path / "control", "stop")
     assert result.exit_code == 1
     assert result.stderr.startswith(f"{AT_ONCE}the daemon has another version")
@@ -101,7 +101,7 @@ def test_an_answer_of_another_version_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_stop_that_was_given_before_the_daemon_fell_silent(tmp_path: Path, command: str) -> None:
     taken = msgspec.json.encode(Reply(ok=True, mode=Mode.STOPPING, unproved=["LElbowRoll"]))
-    with door(tmp_path / "control", lambda asked: taken if asked == command else None):
+    with answering(tmp_path / "control", lambda asked: taken if asked == command else None):
         result = say(tmp_path / "control", command)
     assert result.exit_code == 69
     assert result.stderr == (
@@ -123,7 +123,7 @@ def test_a_daemon_that_falls_silent_on_the_way_is_reported(
         name="zero", joints=["one"], start=[0.0], goal=[1.0], speed=[0.2], duration_s=5.0
     )
     moves = msgspec.json.encode(Reply(ok=True, mode=Mode.TRACKING, way=way))
-    with door(tmp_path / "control", lambda asked: moves if asked == "go" else None):
+    with answering(tmp_path / "control", lambda asked: moves if asked == "go" else None):
         result = say(tmp_path / "control", "go", "zero", "--yes")
     end = "." if interrupted else " if the arm moves."
     said = f"contactctl: NOT REACHED: use the emergency stop{end} (the daemon does not answer; "

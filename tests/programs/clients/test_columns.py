@@ -1,4 +1,4 @@
-"""Columns: arrays of States and of estimates say what the States say."""
+"""Columns: arrays with the values of States and of estimates."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields

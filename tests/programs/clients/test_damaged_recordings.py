@@ -1,4 +1,4 @@
-"""Recordings whose messages say what no daemon has sent: one clear word, no traceback."""
+"""Recordings with damaged messages: one clear error, no traceback."""
 
 import json
 from collections.abc import Callable

@@ -33,7 +33,7 @@ LONGEST_S = 60.0
 
 @pytest.fixture
 def view(fake_daemon: Any, make_state: Callable[..., State]) -> Path:
-    """Door of a daemon whose arm is touched every 50 ticks, and collides every 200."""
+    """View socket of a daemon whose arm is touched every 50 ticks, and collides every 200."""
     notices = make_state(100).notices
     (contact,) = notices
     collision = msgspec.structs.replace(
@@ -127,11 +127,11 @@ def test_a_missing_daemon_is_reported(start: Any) -> None:
 
 
 def test_a_daemon_that_hangs_is_reported(start: Any, tmp_path: Path) -> None:
-    """It takes connections, and answers no one."""
+    """It accepts connections, and answers none."""
     where = tmp_path / "hangs"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as door:
-        door.bind(str(where))
-        door.listen()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(where))
+        listener.listen()
         program = start(sys.executable, PROGRAMS / "contacts.py", where)
         said = "the daemon fell silent: nothing is known of the arm\n"
         assert program.end() == (1, said)

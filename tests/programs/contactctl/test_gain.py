@@ -50,7 +50,7 @@ def test_the_table_shows_the_forces_before_and_after(romeo: ServedDaemon) -> Non
     row = rows["LShoulderPitch"]
     for when in ("now_", ""):
         assert f" {row[f'{when}least_N']:.1f} to {row[f'{when}most_N']:.1f}" in table
-    assert "inf" not in table  # the drives are off: it feels nothing yet
+    assert "inf" not in table  # the drives are off, so nothing is detected yet
     assert max(map(len, table.split("Forces")[0].splitlines())) <= 80
     assert "Ratio of largest to smallest force when led: " in table
 

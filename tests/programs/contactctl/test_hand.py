@@ -1,4 +1,4 @@
-"""`contactctl hand`: what is typed, as the simulator gets it."""
+"""`contactctl hand`: words of a command line as the simulator gets them."""
 
 from pathlib import Path
 from typing import Any

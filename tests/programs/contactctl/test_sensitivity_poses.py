@@ -1,4 +1,4 @@
-"""Forces felt over all poses, in `contactd check`."""
+"""Forces detected over all poses, in `contactd check`."""
 
 import re
 
@@ -29,15 +29,15 @@ def test_a_bar_has_the_same_sensitivity_in_every_pose() -> None:
     assert resting == f"  at rest    {least:.1f} to {least:.1f} N at best; {nothing}"
 
 
-@pytest.mark.parametrize(("folder", "deaf"), [(ROMEO, False), (DESK_ARM, True)])
+@pytest.mark.parametrize(("folder", "blind"), [(ROMEO, False), (DESK_ARM, True)])
 def test_the_least_sensitive_direction_needs_more_force_than_the_most_sensitive(
-    folder, deaf: bool
+    folder, blind: bool
 ) -> None:
     robot = load_robot(folder)
     for line in sensitivity_over_poses(robot.configuration, robot.model)[1:]:
         low, high, usual, rare = map(float, re.findall(r"([\d.]+) (?:to|N)", line))
         assert low <= high < usual < rare
-        assert ("not detected" in line) == deaf
+        assert ("not detected" in line) == blind
 
 
 def test_a_level_that_grows_with_speed_needs_more_force() -> None:

@@ -1,4 +1,4 @@
-"""Logs of other programs as recordings: what the estimator makes of anybody's samples."""
+"""Logs of other programs as recordings: the estimator's results for their samples."""
 
 import json
 from dataclasses import replace

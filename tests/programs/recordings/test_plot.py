@@ -1,4 +1,4 @@
-"""Plots: nothing of a recording is lost by gathering, the page is whole and needs no network."""
+"""Plots: gathering loses no peak, and the page is complete without a network."""
 
 import base64
 import dataclasses

@@ -94,7 +94,7 @@ def test_a_link_is_decided_by_how_long_or_how_often_it_is_the_most_likely(
 
 
 def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() -> None:
-    """One joint alone is turned: it does not say where."""
+    """Torque at one joint alone: it does not determine the point."""
     found = after(finder(), [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0], 30)
     assert found is not None
     assert not found.placed

@@ -176,7 +176,7 @@ def test_nothing_counts_after_the_first_reaction_if_so_asked(
 def test_levels_are_swept_in_recordings_of_each_format(version: int) -> None:
     answer = ask(FORMATS[version], Question(levels={JOINT: (0.1, 5.0)}))
     assert not answer.failed
-    assert answer.shares_known == (version != 4)  # which learned, and did not say what
+    assert answer.shares_known == (version != 4)  # which learned without a record of it
     replayed = ask(FORMATS[version], Question(changes=(("estimator.gain", "20"),)))
     assert ("--fresh begins without" in replayed.failed) == (version < SAME_ESTIMATOR)
     assert not ask(FORMATS[version], Question(fresh=True)).failed
@@ -396,7 +396,7 @@ def test_the_time_of_lost_states_does_not_count_as_watched(recording: Path, tmp_
 
 
 def answered_anew(folder: Path, cache: Path, question: Question, **by: Any) -> None:
-    """Asserts that a question is answered alike alone and by workers, who know no kept answer."""
+    """Assert that answers by workers, without kept ones, are those without workers."""
     asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
 
     def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:

@@ -39,7 +39,7 @@ def test_a_day_that_begins_again_goes_on(tmp_path: Path) -> None:
 
 
 def test_samples_before_an_identification_are_left_out(tmp_path: Path) -> None:
-    """While friction is a guess, learning stands at its bound, which says nothing of the gear."""
+    """While friction is a guess, learning stands at its bound, which is no evidence on the gear."""
     found = {"elbow": "2026-11-24T02:40:00+00:00"}
     for k, identified in enumerate(({}, found, found)):
         writer = Writer(msgspec.structs.replace(job(tmp_path), identified=identified), print)

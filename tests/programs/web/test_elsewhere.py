@@ -1,4 +1,4 @@
-"""Arms of other machines on the page: shown as `contactd fleet` does, stopped, and nothing else."""
+"""Arms of other machines on the page: shown as by `contactd fleet`, stopped, nothing more."""
 
 import asyncio
 import json
@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from contactd_client.paths import view_socket_path
 from programs.web.contactd_web import main
 from programs.web.elsewhere import MOST_SHOWN, MOST_STOPS, Router, shown_of
 from programs.web.guard import COMMAND_HEADER
@@ -19,7 +18,7 @@ from programs.web.words import Elsewhere, Other, Outcome
 from programs.zenoh.fleet import Arm
 from tests.programs.web.page_server import page_of
 from tests.programs.web.screens import PHONE, Screens
-from tests.programs.web.visitor import TIMEOUT_S, visiting
+from tests.programs.web.visitor import TIMEOUT_S, visited
 from tests.programs.zenoh.bridge import Bridge, until
 from tests.programs.zenoh.zenoh_router import free_port, router_of
 
@@ -48,13 +47,9 @@ class Others:
         pass
 
 
-def visited(daemon: FakeDaemon, others: Others | None, **more: Any) -> Any:
-    return visiting(view_socket_path(daemon.path), others=others, **more)
-
-
 async def test_arms_of_others_and_their_changes_are_sent(fake_daemon: FakeDaemon) -> None:
     others = Others()
-    async with visited(fake_daemon, others) as visitor:
+    async with visited(fake_daemon, others=others) as visitor:
         live = await visitor.live()
 
         async def reported() -> Any:
@@ -73,7 +68,7 @@ async def test_arms_of_others_and_their_changes_are_sent(fake_daemon: FakeDaemon
 
 async def test_one_or_all_are_stopped(fake_daemon: FakeDaemon) -> None:
     others = Others()
-    async with visited(fake_daemon, others) as visitor:
+    async with visited(fake_daemon, others=others) as visitor:
         for query in ("?arm=hall%2Fleft", "?arm=", ""):
             status, text = await visitor.ask("POST", f"/elsewhere/stop{query}", **STOP)
             assert status == 200
@@ -100,14 +95,14 @@ async def test_other_requests_are_refused(
     fake_daemon: FakeDaemon, method: str, path: str, headers: Any, options: Any, status: int
 ) -> None:
     others = Others()
-    async with visited(fake_daemon, others, **options) as visitor:
+    async with visited(fake_daemon, others=others, **options) as visitor:
         found, _ = await visitor.ask(method, path, **headers)
         assert found == status
     assert others.stopped == []
 
 
 async def test_without_a_fleet_there_is_no_such_route(fake_daemon: FakeDaemon) -> None:
-    async with visited(fake_daemon, None) as visitor:
+    async with visited(fake_daemon) as visitor:
         assert (await visitor.ask("POST", "/elsewhere/stop", **STOP))[0] == 404
 
 

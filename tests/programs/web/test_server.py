@@ -15,7 +15,6 @@ import msgspec
 import pytest
 
 from common.errors import UnreachableError
-from contactd_client.paths import view_socket_path
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Reply
 from daemon.protocol.state import State
@@ -23,17 +22,13 @@ from programs.clients.stopping import carry_out
 from programs.web import arm, frames
 from programs.web.guard import COMMAND_HEADER
 from programs.web.serve import listen
-from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visiting
+from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visited, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
 
-def door(daemon: FakeDaemon) -> Path:
-    return view_socket_path(daemon.path)
-
-
 async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         for path in ("/", "/page.js", "/page.css", "/scene.js", "/icon.svg"):
             assert (await visitor.ask("GET", path))[0] == 200
         for path in ("/../server.py", "/built/", "/live/7", "/arms/7/urdf", "/nothing"):
@@ -55,7 +50,7 @@ async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) ->
 async def test_the_arming_checks_are_asked_for_again_once_a_torque_changes(
     fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Or the page says of one joint that it feels nothing, and that it feels too much to arm."""
+    """Else the page shows no torque of a joint, and a check that fails by its torque."""
     monkeypatch.setattr(arm, "STATUS_EVERY_S", 3600.0)
 
     def feel(torque: float) -> None:
@@ -70,7 +65,7 @@ async def test_the_arming_checks_are_asked_for_again_once_a_torque_changes(
         return words is not None and words.cause == f"{torque}" and asked() > before
 
     feel(0.0)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         await messages(await visitor.live(), {"words", "advice"})
         for torque in [0.3, 0.0] * 3:  # more often than a visitor makes it ask
             before = asked()
@@ -84,7 +79,7 @@ async def test_a_command_reaches_the_daemon_and_returns_its_outcome(
 ) -> None:
     fake_daemon.mode = "stopping"
     fake_daemon.modes = {command: ["stopping", "holding"]}
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         path = f"/arms/0/{command}"
         # A form of another site, one of our own, a script without the header.
         assert (await visitor.ask("POST", path, Origin="http://evil.example"))[0] == 403
@@ -99,14 +94,14 @@ async def test_a_command_reaches_the_daemon_and_returns_its_outcome(
 
 async def test_a_joint_without_confirmed_standstill_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.mode, fake_daemon.unproved = "faulted", ["LElbowYaw"]
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         _, found = await visitor.command("/arms/0/stop")
         assert (found["outcome"], found["text"]) == ("not seen to stand", "LElbowYaw")
 
 
 async def test_a_refusal_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.refusals = {"stop": ["it is a test"]}
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         _, found = await visitor.command("/arms/0/stop")
         assert (found["outcome"], "it is a test" in found["text"]) == ("refused", True)
 
@@ -179,7 +174,7 @@ def test_a_full_backlog_of_the_view_socket_only_delays_a_stop(
 
 
 async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), read_only=True, recordings=tmp_path) as visitor:
+    async with visited(fake_daemon, read_only=True, recordings=tmp_path) as visitor:
         for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
             status, text = await visitor.command(path)
             assert status == 403
@@ -190,7 +185,7 @@ async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Pat
 
 
 async def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         before_s = time.monotonic()
         status, text = await visitor.ask("GET", "/clock")
         assert status == 200

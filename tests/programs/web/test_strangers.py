@@ -13,7 +13,6 @@ import aiohttp
 import pytest
 
 from common.errors import ConfigurationError
-from contactd_client.paths import view_socket_path
 from programs.web import server
 from programs.web.guard import COOKIE
 from programs.web.serve import settings_of
@@ -25,15 +24,11 @@ from tests.programs.web.visitor import (
     Visitor,
     messages,
     token_file,
-    visiting,
+    visited,
 )
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
-
-
-def door(daemon: FakeDaemon) -> Path:
-    return view_socket_path(daemon.path)
 
 
 def entering(visitor: Visitor, data: Any, **headers: str) -> Any:
@@ -60,7 +55,7 @@ async def close_all(opened: list[Connection]) -> None:
 
 
 async def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         assert "asks once for its token" in (await visitor.ask("GET", "/"))[1]
         for path in ("/page.js", "/arms/0/urdf", "/recordings"):
             assert (await visitor.ask("GET", path))[0] == 401
@@ -99,7 +94,7 @@ FORM = "application/x-www-form-urlencoded"
 async def test_invalid_forms_are_refused_and_not_logged(
     fake_daemon: FakeDaemon, tmp_path: Path, caplog: Any, body: bytes, headers: Any, status: int
 ) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         caplog.clear()
         async with entering(visitor, body, **headers) as answer:
             assert answer.status == status
@@ -107,14 +102,14 @@ async def test_invalid_forms_are_refused_and_not_logged(
 
 
 async def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         found = [(await visitor.ask("GET", f"/?token=guess{i}"))[0] for i in range(8)]
         assert found == [401] * 5 + [429] * 3
         assert (await visitor.ask("GET", f"/?token={TOKEN}"))[0] == 429
 
 
 async def test_the_pages_of_an_address_are_bounded(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         pages = [await visitor.live() for _ in range(server.MOST_BROWSERS_OF_ONE)]
         with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
             await visitor.live()
@@ -124,7 +119,7 @@ async def test_the_pages_of_an_address_are_bounded(fake_daemon: FakeDaemon) -> N
 
 
 async def test_a_browser_that_does_not_read_costs_others_no_frame(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)
         # It reads nothing: a bare connection, with little room.
         idle = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
@@ -153,7 +148,7 @@ async def test_a_browser_that_does_not_read_costs_others_no_frame(fake_daemon: F
 
 
 async def test_a_browser_that_sends_on_its_stream_is_disconnected(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         for words in ("hello", "x" * 100_000, None):
             live = await visitor.live()
             await (live.ping() if words is None else live.send_str(words))
@@ -167,7 +162,7 @@ async def test_the_connections_of_an_address_are_bounded_and_the_oldest_make_roo
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 4)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         opened = await opened_to(visitor.origin.removeprefix("http://"), *[b""] * 6)
         closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
         async with asyncio.timeout(TIMEOUT_S):
@@ -181,7 +176,7 @@ async def test_half_requests_neither_block_a_stop_nor_end_a_stream(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 6)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         live = await visitor.live()
         opened = await opened_to(visitor.origin.removeprefix("http://"), *[*RUDE.values()] * 4)
         for _ in range(3):
@@ -207,7 +202,7 @@ async def test_a_client_that_takes_too_long_to_ask_is_disconnected(
 ) -> None:
     monkeypatch.setattr("programs.web.connections.HEAD_S", 0.3)
     monkeypatch.setattr("programs.web.connections.REQUEST_S", 0.3)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         async with asyncio.timeout(TIMEOUT_S):
             live = None
             while live is None:  # on a busy machine it may take too long itself
@@ -225,7 +220,7 @@ async def test_a_client_that_takes_too_long_to_ask_is_disconnected(
 
 async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
     """A browser would send a stop into one that was lost, when a phone changes its network."""
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         for path in ("/", "/clock", "/nothing", "/page.js"):
             async with visitor.session.get(f"{visitor.origin}{path}") as answer:
                 assert answer.headers["Connection"] == "close"

@@ -3,12 +3,13 @@
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import aiohttp
 
+from contactd_client.paths import view_socket_path
 from programs.web.elsewhere_routes import Others
 from programs.web.guard import COMMAND_HEADER, HEADERS
 from programs.web.serve import listen, serving, settings_of
@@ -100,3 +101,8 @@ def token_file(folder: Path) -> Path:
     path.write_text(TOKEN + "\n")
     path.chmod(0o640)
     return path
+
+
+def visited(daemon: Any, **options: Any) -> AbstractAsyncContextManager[Visitor]:
+    """A visitor of the page of one daemon."""
+    return visiting(view_socket_path(daemon.path), **options)

@@ -23,7 +23,7 @@ TRUE, FALSE = b"\0\1\0\0\1", b"\0\1\0\0\0\0\0\0"
 
 @dataclass
 class Call:
-    """A call from nowhere."""
+    """A call without a network."""
 
     request: bytes
     gid: bytes
@@ -187,7 +187,7 @@ def test_a_call_of_an_unknown_caller_does_not_arm(ros: Ros) -> None:
     assert ros.say(gid=bytes(16))[1].startswith("a call without an attachment")
     assert not ros.armed
     ros.arm()
-    assert ros.say(FALSE, gid=bytes(16))[0]  # to disarm is for everybody
+    assert ros.say(FALSE, gid=bytes(16))[0]  # any caller may disarm
     assert not ros.armed
 
 
@@ -201,8 +201,8 @@ def test_the_end_of_the_service_ends_it(ros: Ros) -> None:
 def test_arm_is_offered_only_with_the_control_socket_and_its_option(
     served: ServedDaemon, control: bool, allowed: bool
 ) -> None:
-    door = served.path if control else None
-    settings = Settings(served.path, door, NODE, (), None, allowed)
+    full = served.path if control else None
+    settings = Settings(served.path, full, NODE, (), None, allowed)
     assert "arm" not in offers(settings)
     both = Settings(served.path, served.path, NODE, (), None, arming=True)
     assert set(offers(both)) == {"stop", "disarm", "reset", "arm"}

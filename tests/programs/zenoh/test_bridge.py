@@ -194,7 +194,7 @@ def test_a_daemon_that_ends_is_stale_and_comes_back(
 
 
 def test_a_router_that_dies_and_returns(fake_daemon: Any, port: int, start: Any) -> None:
-    """The bridge goes on, the daemon's subscriber loses nothing, and what others hear resumes."""
+    """The bridge goes on, stays subscribed to the daemon, and its topics resume."""
     where = f"tcp/127.0.0.1:{port}"
     bridge = start(fake_daemon.path, port)  # there is no router yet
     for _ in range(2):

@@ -202,7 +202,7 @@ def test_wrong_key_files_are_named(
 
 
 def test_a_fleet_waits_for_no_router(folder: Path, tmp_path: Path, port: int) -> None:
-    """The example says that the arm waits for ever; a person who stops does not."""
+    """An arm configured as in the example waits for ever, a fleet command does not."""
     file = tmp_path / "screen.json5"
     file.write_text(example("zenoh-arm.json5", folder, port, "screen"))
     command = [sys.executable, "-m", "programs.contactd.contactd", "fleet", "--config", str(file)]

@@ -1,4 +1,4 @@
-"""Command line of the door to ROS 2."""
+"""Command line of the bridge to ROS 2."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Diagnoses: what is said, and how seldom the daemon is asked for what its States do not tell."""
+"""Diagnoses: their texts, and how seldom the daemon is asked for its Status."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""Fleet: who is alive, what became of a stop, and nothing that a stranger says is believed."""
+"""Fleet: arms that are alive, outcomes of a stop, and hostile messages without effect."""
 
 import contextlib
 import json
@@ -363,7 +363,7 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
-    """As without namespaces; what one says does not count for the other."""
+    """As without namespaces; the answer of one does not count for the other."""
     node = Node(0, "/left", "contactd", Distro.JAZZY)
     key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
     asked: set[bool] = set()
@@ -387,4 +387,4 @@ def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
         for _ in range(3):
             asked.clear()
             assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
-            until(lambda: asked == {True, False})  # what one says is enough to end it
+            until(lambda: asked == {True, False})  # one answer is enough to end it

@@ -1,4 +1,4 @@
-"""Targets from the network: whose are followed, in which order of joints, and when no more."""
+"""Targets from the network: publishers that are followed, orders of joints, and ends."""
 
 import errno
 import itertools

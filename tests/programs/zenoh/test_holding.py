@@ -1,4 +1,4 @@
-"""Hold: who keeps the arm armed by calling, for how long, and who has to let go first."""
+"""Hold: the caller that keeps the arm armed, the length of its lease, and its release."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Names of rmw_zenoh: keys, tokens, attachments, and mismatches that are said."""
+"""Names of rmw_zenoh: keys, tokens, attachments, and reported mismatches."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Services: bounded, never more than their doors, and a flood of calls is a few commands."""
+"""Services: bounded, within their socket's permissions; many calls are a few commands."""
 
 import threading
 import time
@@ -17,7 +17,7 @@ TRIGGER = b"\0\1\0\0\0"
 
 @dataclass
 class Call:
-    """A call from nowhere."""
+    """A call without a network."""
 
     request: bytes = TRIGGER
     caller: str = "ROS 2 client 00"
