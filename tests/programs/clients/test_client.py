@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from common.errors import ControlError, UnreachableError
 from daemon.protocol.replies import Reply
 from daemon.protocol.state import State
 from programs.clients.client import Client
+from tests.fake_daemon import state_at
 
 
 def test_requests_are_answered(fake_daemon: Any) -> None:
@@ -41,14 +41,14 @@ def test_a_demand_raises_with_every_reason(fake_daemon: Any) -> None:
     assert Reply(ok=False, reasons=["why"]).refusal == "refused; why"
 
 
-def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+def test_states_keep_every_bit(fake_daemon: Any) -> None:
     with Client(fake_daemon.path) as client:
         snapshot, states = client.subscribe()
         taken = list(islice(states, 20))
     assert snapshot.tick == snapshot.memory["tick"]
     assert taken[0].tick == snapshot.tick + 1
     for state in taken:
-        assert state == make_state(state.tick)
+        assert state == state_at(state.tick)
 
 
 def test_a_socket_without_a_daemon_is_reported(tmp_path: Path) -> None:
@@ -120,11 +120,9 @@ def test_a_connection_closed_to_make_room_is_reported_so(fake_daemon: Any) -> No
         client.close()
 
 
-def test_a_stream_that_stops_is_reported(
-    fake_daemon: Any, make_state: Callable[..., State]
-) -> None:
+def test_a_stream_that_stops_is_reported(fake_daemon: Any) -> None:
     end = fake_daemon.tick + 200
-    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    fake_daemon.states = lambda tick: state_at(tick) if tick < end else None
     with Client(fake_daemon.path, timeout_s=0.2) as client:
         _, states = client.subscribe()
         taken: list[State] = []

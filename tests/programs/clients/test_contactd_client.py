@@ -23,8 +23,8 @@ from contactd_client.aio import AsyncClient, AsyncConnection
 from contactd_client.aio import watch as watch_async
 from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
-from daemon.protocol.state import State
 from programs.clients.client import Client as OwnClient
+from tests.fake_daemon import snapshot_at, state_at
 
 SOURCES = Path(contactd_client.__file__).parent
 
@@ -110,18 +110,16 @@ def test_the_view_socket_is_where_it_looks_first(
     assert "the view socket takes only" in reply.get("message", "")
 
 
-def test_states_are_those_that_were_sent(
-    fake_daemon: Any, view: Path, make_state: Callable[..., State]
-) -> None:
+def test_states_are_those_that_were_sent(fake_daemon: Any, view: Path) -> None:
     with Client(view) as client:
         snapshot, states = client.states()
         taken = list(islice(states, 20))
     assert taken[0]["tick"] == snapshot["tick"] + 1
     for state in taken:
-        assert state == plain(make_state(state["tick"]))
+        assert state == plain(state_at(state["tick"]))
 
 
-def test_asyncio_gets_the_same(fake_daemon: Any, view: Path, make_state: Any) -> None:
+def test_asyncio_gets_the_same(fake_daemon: Any, view: Path) -> None:
     async def run() -> tuple[Any, list[Any], Any]:
         async with await AsyncClient.open(view) as client:
             status = await client.status()
@@ -134,7 +132,7 @@ def test_asyncio_gets_the_same(fake_daemon: Any, view: Path, make_state: Any) ->
     other.close()
     assert status["pid"] == 4711
     for state in taken:
-        assert state == plain(make_state(state["tick"]))
+        assert state == plain(state_at(state["tick"]))
 
 
 def test_a_refusal_gives_every_reason(fake_daemon: Any, view: Path) -> None:
@@ -257,9 +255,9 @@ def test_it_joins_again(fake_daemon: Any, view: Path) -> None:
     assert reasons == list(dict.fromkeys(reasons))  # none is reported twice
 
 
-def test_each_loss_is_reported(listener: socket.socket, make_snapshot: Any) -> None:
+def test_each_loss_is_reported(listener: socket.socket) -> None:
     """Client of a daemon that begins well and hangs up, every time."""
-    reply = msgspec.json.encode(Reply(ok=True, snapshot=make_snapshot(0)))
+    reply = msgspec.json.encode(Reply(ok=True, snapshot=snapshot_at(0)))
     with answering(listener, reply, clients=3) as path:
         news = list(islice(watch(path, retry_s=0.001), 6))
     assert [type(one).__name__ for one in news] == ["Joined", "Lost"] * 3

@@ -1,7 +1,6 @@
 """Dashboard and status report as text, at the sizes they promise to fit."""
 
 import io
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit, Snapshot, State, StreamState
+from daemon.protocol.state import Notice, Permit, StreamState
 from programs.clients.dashboard import (
     Dashboard,
     History,
@@ -23,11 +22,10 @@ from programs.clients.dashboard import (
 from programs.clients.status_report import status_report
 from programs.clients.stream_words import quality_in_words
 from programs.clients.styles import MODE_STYLES, not_seen_to_stand
-from tests.fake_daemon import FakeDaemon
+from tests.fake_daemon import FakeDaemon, snapshot_at, state_at
 from tests.golden_words import same_words
 from tests.programs.clients.test_sensitivity import smallest
 
-MakeState = Callable[..., State]
 GOLDEN = Path(__file__).with_name("golden")
 
 
@@ -41,12 +39,12 @@ def text_of(shown: RenderableType, width: int, height: int, encoding: str = "utf
 
 
 @pytest.fixture
-def dashboard(make_state: MakeState, make_snapshot: Callable[[int], Snapshot]) -> Any:
+def dashboard() -> Any:
     def make(ticks: range, **changes: object) -> Dashboard:
         history = History()
         for tick in ticks:
-            history.add(make_state(tick))
-        return Dashboard(make_snapshot(0), make_state(ticks[-1], **changes), history.summary())
+            history.add(state_at(tick))
+        return Dashboard(snapshot_at(0), state_at(ticks[-1], **changes), history.summary())
 
     return make
 
@@ -231,11 +229,11 @@ def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
     assert "continues in 0.9 s if untouched" in shown
 
 
-def test_history_is_bounded_and_summarised(make_state: MakeState) -> None:
+def test_history_is_bounded_and_summarised() -> None:
     history = History()
     assert history.summary() == Summary()
     for tick in range(5000):
-        state = make_state(tick, notices=[Notice(kind="note", text=str(tick))])
+        state = state_at(tick, notices=[Notice(kind="note", text=str(tick))])
         timing = msgspec.structs.replace(state.timing, lateness_us=float(tick), work_us=7.0)
         history.add(msgspec.structs.replace(state, timing=timing))
     summary = history.summary()
@@ -271,7 +269,5 @@ def test_every_mode_has_a_style() -> None:
         ({"mode": Mode.FAULTED, "armed": False}, "use the emergency stop if the arm moves"),
     ],
 )
-def test_the_last_known_state_is_named_with_the_advice(
-    make_state: MakeState, changes: dict[str, Any], said: str
-) -> None:
-    assert last_known(make_state(0, **changes)).endswith(said)
+def test_the_last_known_state_is_named_with_the_advice(changes: dict[str, Any], said: str) -> None:
+    assert last_known(state_at(0, **changes)).endswith(said)

@@ -25,6 +25,7 @@ from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import Request
 from daemon.protocol.state import State
+from tests.fake_daemon import state_at
 
 ROOT = Path(__file__).resolve().parents[3]
 PROGRAMS = ROOT / "docs/programs"
@@ -32,9 +33,9 @@ LONGEST_S = 60.0
 
 
 @pytest.fixture
-def view(fake_daemon: Any, make_state: Callable[..., State]) -> Path:
+def view(fake_daemon: Any) -> Path:
     """View socket of a daemon whose arm is touched every 50 ticks, and collides every 200."""
-    notices = make_state(100).notices
+    notices = state_at(100).notices
     (contact,) = notices
     collision = msgspec.structs.replace(
         contact, contact=msgspec.structs.replace(contact.contact, level="collision")
@@ -42,8 +43,8 @@ def view(fake_daemon: Any, make_state: Callable[..., State]) -> Path:
 
     def state(tick: int) -> State:
         if tick % 50:
-            return make_state(tick, notices=[])
-        return make_state(tick, notices=[collision if tick % 200 == 0 else contact])
+            return state_at(tick, notices=[])
+        return state_at(tick, notices=[collision if tick % 200 == 0 else contact])
 
     fake_daemon.states = state
     return view_socket_path(fake_daemon.path)

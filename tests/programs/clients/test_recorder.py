@@ -23,8 +23,8 @@ from programs.clients.replay import SAME_ESTIMATOR, replay
 from programs.clients.trajectory_recorder import record_trajectory
 from programs.clients.viewer_schema import viewer_schema
 from tests.examples import scaled
+from tests.fake_daemon import state_at
 
-MakeState = Callable[..., State]
 FORMATS = {version: Path(__file__).with_name(f"format_{version}.mcap") for version in range(1, 8)}
 """Some ticks of configs/single_joint in lockstep, recorded by a contactd of that format, of 4 by
 the last that did not write `level_share`. In 2 the joint is pushed. They never change."""
@@ -42,20 +42,18 @@ def recording(connect: Callable[[], Client], tmp_path: Path) -> Path:
     return tmp_path / "made.mcap"
 
 
-def test_round_trip(connect: Callable[[], Client], tmp_path: Path, make_state: MakeState) -> None:
+def test_round_trip(connect: Callable[[], Client], tmp_path: Path) -> None:
     path = tmp_path / "made.mcap"
     made = record(connect, path, seconds=1.0)
     snapshot, *states = read_log(path)
     assert isinstance(snapshot, Snapshot)
-    assert states == [make_state(snapshot.tick + 1 + i) for i in range(len(states))]
+    assert states == [state_at(snapshot.tick + 1 + i) for i in range(len(states))]
     assert made.states == len(states) == 101  # both ends of a second
     assert made.duration_s == pytest.approx(1.0)
     assert (made.lost, made.snapshots, made.ended) == (0, 1, "")
 
 
-def test_messages_are_verbatim_and_stamped_with_the_time_of_their_tick(
-    recording: Path, make_state: MakeState
-) -> None:
+def test_messages_are_verbatim_and_stamped_with_the_time_of_their_tick(recording: Path) -> None:
     with recording.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
             assert schema is not None
@@ -63,8 +61,8 @@ def test_messages_are_verbatim_and_stamped_with_the_time_of_their_tick(
             assert message.publish_time == message.log_time
             if channel.topic == "/state":
                 tick = json.loads(message.data)["tick"]
-                assert message.data == msgspec.json.encode(make_state(tick))
-                wall_s = make_state(tick).timing.wall_s
+                assert message.data == msgspec.json.encode(state_at(tick))
+                wall_s = state_at(tick).timing.wall_s
                 assert message.log_time == round(wall_s * 1e9)
         stream.seek(0)
         statistics = make_reader(stream).get_summary()
@@ -85,10 +83,10 @@ def test_stop_ends_the_recording(connect: Callable[[], Client], tmp_path: Path) 
 
 
 def test_a_gap_is_followed_by_a_new_snapshot(
-    fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path, make_state: MakeState
+    fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path
 ) -> None:
     start = fake_daemon.tick + 100
-    fake_daemon.states = lambda tick: None if start < tick <= start + 5 else make_state(tick)
+    fake_daemon.states = lambda tick: None if start < tick <= start + 5 else state_at(tick)
     made = record(connect, tmp_path / "made.mcap", seconds=2.0)
     messages = list(read_log(tmp_path / "made.mcap"))
     places = [i for i, message in enumerate(messages) if isinstance(message, Snapshot)]
@@ -127,10 +125,10 @@ def test_a_daemon_that_ends_leaves_a_whole_file(
 
 
 def test_a_daemon_that_falls_silent_leaves_a_whole_file(
-    fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path, make_state: MakeState
+    fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path
 ) -> None:
     end = fake_daemon.tick + 200
-    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    fake_daemon.states = lambda tick: state_at(tick) if tick < end else None
     made = record(connect, tmp_path / "made.mcap")
     assert made.ended == "the daemon fell silent"
     assert list(read_log(tmp_path / "made.mcap"))[-1].tick == end - 1

@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from daemon.protocol.state import State
 from programs.clients.log_reader import read_log
 from programs.contactctl import contactctl
+from tests.fake_daemon import state_at
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
@@ -92,10 +92,10 @@ def test_record_takes_a_suffix_in_any_case(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("keep_signals")
 def test_record_reports_that_the_daemon_fell_silent(
-    run: Run, fake_daemon: Any, tmp_path: Path, make_state: Callable[..., State]
+    run: Run, fake_daemon: Any, tmp_path: Path
 ) -> None:
     end = fake_daemon.tick + 300
-    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    fake_daemon.states = lambda tick: state_at(tick) if tick < end else None
     result = run("--json", "record", str(tmp_path / "made.mcap"))
     assert result.exit_code == 69
     assert result.stderr == "contactctl: the daemon fell silent\n"

@@ -7,7 +7,6 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.protocol.state import Notice, Snapshot, State
+from daemon.protocol.state import Notice, State
 from programs.contactd.contactd import main
 from programs.recordings import html
 from programs.recordings.html import page_of
@@ -29,7 +28,6 @@ from tests.programs.clients.test_recorder import FORMATS
 from tests.programs.clients.test_replay import written
 
 N = len(JOINTS)
-MakeState = Callable[..., State]
 
 
 def gathered(states: list[State], most: int, part: int = 32, **window: float) -> SignalGatherer:
@@ -201,10 +199,10 @@ def test_the_whole_part_of_a_broken_file_is_plotted(recording: Path, tmp_path: P
     assert 0.0 < data_of(page)["until_s"] < 5.9
 
 
-def test_an_hour_stays_below_5_MB(tmp_path: Path, make_snapshot: Callable[[int], Snapshot]) -> None:
-    path = written(tmp_path / "a.mcap", [make_snapshot(-1), *(state_at(k) for k in range(40))])
+def test_an_hour_stays_below_5_MB(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.mcap", [snapshot_at(-1), *(state_at(k) for k in range(40))])
     view = read_view(path)
-    gatherer = _gatherer(path, make_snapshot(-1), (), 0.0, math.inf)
+    gatherer = _gatherer(path, snapshot_at(-1), (), 0.0, math.inf)
     rows = np.random.default_rng(1).normal(size=(360_000, 1)) * np.ones(N * len(DRAWN))
     for k in range(0, len(rows), 1000):
         gatherer._add_rows(0.01 * np.arange(k, k + 1000), rows[k : k + 1000].astype(np.float32))

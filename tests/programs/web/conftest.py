@@ -5,7 +5,7 @@ violation of the content security policy among them.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from bench.rigs.browser import browser, chromium
 from daemon.protocol.state import State
+from tests.fake_daemon import state_at
 from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import PHONE, Screen, Screens
 
@@ -35,7 +36,7 @@ def screens(launched: Any) -> Iterator[Screens]:
 
 
 @pytest.fixture
-def arm(fake_daemon: FakeDaemon, make_state: Callable[..., State]) -> FakeDaemon:
+def arm(fake_daemon: FakeDaemon) -> FakeDaemon:
     """A daemon whose States have a test's changes, at about 100 Hz, by the machine's own clock."""
     begun = time.monotonic()
     fake_daemon.changes = {}
@@ -43,7 +44,7 @@ def arm(fake_daemon: FakeDaemon, make_state: Callable[..., State]) -> FakeDaemon
     def state(tick: int) -> State | None:
         if tick % 10:
             return None
-        made = make_state(tick // 10)
+        made = state_at(tick // 10)
         now = time.monotonic()
         timing = replace(made.timing, monotonic_s=now, wall_s=time.time())
         said = {"time_s": now - begun, "timing": timing, **fake_daemon.changes}

@@ -5,7 +5,6 @@ import math
 import shutil
 import struct
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from msgspec.structs import replace
 
 from daemon.protocol.state import Contact, Notice, Permit, State
 from programs.web import frames
+from tests.fake_daemon import state_at
 
 ROOT = Path(__file__).resolve().parents[3]
 READ = """
@@ -28,11 +28,11 @@ JOINTS = ["one", "two", "three"]
 
 
 @pytest.fixture
-def states(make_state: Callable[..., State]) -> list[State]:
+def states() -> list[State]:
     """Three ticks, of which the second collides and the third is armed."""
     collision = Contact(joint="two", torque=-9.0, threshold=4.0, level="collision", side="left")
     first = replace(
-        make_state(41),
+        state_at(41),
         fresh=[True, True, False],
         side=["left", "gap", "unknown"],
         sensing=[True, False, True],

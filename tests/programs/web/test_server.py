@@ -6,7 +6,6 @@ import json
 import socket
 import struct
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,11 +16,11 @@ import pytest
 from common.errors import UnreachableError
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Reply
-from daemon.protocol.state import State
 from programs.clients.stopping import carry_out
 from programs.web import arm, frames
 from programs.web.guard import COMMAND_HEADER
 from programs.web.serve import listen
+from tests.fake_daemon import state_at
 from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visited, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py
@@ -48,13 +47,13 @@ async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) ->
 
 
 async def test_the_arming_checks_are_asked_for_again_once_a_torque_changes(
-    fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
+    fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else the page shows no torque of a joint, and a check that fails by its torque."""
     monkeypatch.setattr(arm, "STATUS_EVERY_S", 3600.0)
 
     def feel(torque: float) -> None:
-        state = make_state(0, cause=f"{torque}", thresholded=[torque] + [0.0] * 6)
+        state = state_at(0, cause=f"{torque}", thresholded=[torque] + [0.0] * 6)
         fake_daemon.states = lambda tick: msgspec.structs.replace(state, tick=tick)
 
     def asked() -> int:
