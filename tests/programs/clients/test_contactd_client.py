@@ -39,23 +39,14 @@ def view(fake_daemon: Any) -> Path:
 
 
 @contextmanager
-def answering(
-    listener: socket.socket,
-    packet: bytes,
-    *,
-    clients: int = 1,
-    late: Callable[[], object] = lambda: None,
-) -> Iterator[Path]:
-    """Path of a socket that answers a request of each client by a packet, and closes.
-
-    `late` returns when an answer may be sent."""
+def answering(listener: socket.socket, packet: bytes, clients: int = 1) -> Iterator[Path]:
+    """Path of a socket that answers a request of each client by a packet, and closes."""
 
     def serve() -> None:
         for _ in range(clients):
             accepted, _ = listener.accept()
             with accepted:
                 accepted.recv(4096)
-                late()
                 accepted.send(packet)
 
     thread = threading.Thread(target=serve)
@@ -210,10 +201,11 @@ def test_an_answer_of_a_daemon_that_has_ended_is_read(listener: socket.socket) -
 
 def test_slow_commands_are_waited_for(listener: socket.socket) -> None:
     """The drives may have to boot before these."""
-    asked = threading.Event()
-    with answering(listener, b'{"ok":true}', late=asked.wait) as path, Client(path, 0.01) as client:
-        threading.Timer(0.1, asked.set).start()
-        assert client.ask({"command": "reset"})["ok"]
+    with Client(Path(listener.getsockname()), 0.01) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            threading.Timer(0.1, accepted.send, [b'{"ok":true}']).start()
+            assert client.ask({"command": "reset"})["ok"]
 
 
 def test_a_request_that_is_no_json_is_not_sent(fake_daemon: Any, view: Path) -> None:

@@ -1,7 +1,6 @@
 """Contents of a recording, by made-up States and by old files."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -143,10 +142,7 @@ DAMAGES = {
     ids=" ".join,
 )  # fmt: skip
 def test_damage_never_ends_in_a_traceback(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: list[str],
-    damage: tuple[str, Callable[[Any], None]],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], damage: tuple[str, Any]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = damaged(tmp_path / "damaged.mcap", changed(*damage))

@@ -165,11 +165,7 @@ def test_pictures_are_written(recording: Path, tmp_path: Path, suffix: str) -> N
     ],
 )
 def test_a_missing_matplotlib_is_reported_with_the_command_to_install_it(
-    recording: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    missing: tuple[str, ...],
-    said: str,
+    recording: Path, tmp_path: Path, monkeypatch: Any, missing: tuple[str, ...], said: str
 ) -> None:
     for name in missing:
         monkeypatch.setitem(sys.modules, name, None)

@@ -43,12 +43,7 @@ async def test_a_recording_is_made_downloaded_and_deleted(
     ],
 )
 async def test_a_recording_that_reached_its_bound_is_reported(
-    fake_daemon: FakeDaemon,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    bound: str,
-    value: float,
-    why: str,
+    fake_daemon: FakeDaemon, tmp_path: Path, monkeypatch: Any, bound: str, value: float, why: str
 ) -> None:
     async with visited(fake_daemon, recordings=tmp_path) as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)

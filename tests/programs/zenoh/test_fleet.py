@@ -214,20 +214,13 @@ def test_one_arm_is_stopped(
 
 
 def test_arms_of_one_name_stand_only_if_both_do(
-    fake_daemon: Any,
-    second: Any,
-    routed: int,
-    start: Callable[..., Bridge],
-    fleet: Callable[..., Result],
+    fake_daemon: Any, second: Any, routed: int, start: Any, fleet: Callable[..., Result]
 ) -> None:
     bridges = [start(daemon.path, routed, "left") for daemon in (fake_daemon, second)]
     for bridge in bridges:
         bridge.joined()
-    until(
-        lambda: any(
-            bridge.heard("another contactd-zenoh has --namespace /left:") for bridge in bridges
-        )
-    )
+    warning = "another contactd-zenoh has --namespace /left:"
+    until(lambda: any(bridge.heard(warning) for bridge in bridges))
     until(lambda: "alive, 2 of this name" in fleet("--json").output)
     fleet("--stop", "left")
     until(lambda: fleet("--stop", "left").exit_code == 0)
@@ -236,9 +229,7 @@ def test_arms_of_one_name_stand_only_if_both_do(
         one.unproved = ["LElbowRoll"]
         done = fleet("--stop", both)
         assert done.exit_code == 1
-        assert (
-            "left                     not seen to stand (not seen to stand: LElbow" in done.output
-        )
+        assert f"{'left':24} not seen to stand (not seen to stand: LElbow" in done.output
         one.unproved = []
 
 
@@ -247,17 +238,13 @@ def test_all_arms_are_stopped_and_each_outcome_is_shown(
 ) -> None:
     done = fleet("--stop", "--all", "--json")
     assert done.exit_code == 0
-    assert json.loads(done.output) == {
-        "left": {"outcome": "stands", "text": "stands"},
-        "right": {"outcome": "stands", "text": "stands"},
-    }
+    stands = {"outcome": "stands", "text": "stands"}
+    assert json.loads(done.output) == {"left": stands, "right": stands}
     assert (stops(fake_daemon), stops(second)) == (1, 1)
     second.unproved = ["LElbowRoll"]
     done = fleet("--stop", "--all")
     assert done.exit_code == 1
-    assert (
-        "right                    not seen to stand (not seen to stand: LElbowRoll)" in done.output
-    )
+    assert f"{'right':24} not seen to stand (not seen to stand: LElbowRoll)" in done.output
     second.stopped.set()
     done = fleet("--stop", "left", "right", "absent")
     assert done.exit_code == 1
@@ -293,9 +280,8 @@ def test_contradictory_options_are_refused(words: tuple[str, ...]) -> None:
 def test_arms_of_another_distribution_are_listed_without_messages(
     arms: list[Bridge], fleet: Callable[..., Result]
 ) -> None:
-    def rows() -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = json.loads(fleet("--json", "--distro", "humble").output)
-        return found
+    def rows() -> Any:
+        return json.loads(fleet("--json", "--distro", "humble").output)
 
     until(lambda: [row["arm"] for row in rows()] == ["left", "right"])
     assert {row["text"] for row in rows()} == {"no message yet; does it use another --distro?"}
@@ -331,9 +317,8 @@ def test_a_hostile_answer_does_not_confirm_standstill(other: zenoh.Session, rout
 
     service = Endpoint(Kind.SERVICE, "/left_arm/stop", TRIGGER, Qos.DEFAULT)
     other.declare_queryable(NODE.key(service), reply)
-    diagnostics = Endpoint(
-        Kind.PUBLISHER, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT
-    )
+    kind = "diagnostic_msgs/msg/DiagnosticArray"
+    diagnostics = Endpoint(Kind.PUBLISHER, "/diagnostics", kind, Qos.DEFAULT)
     with (
         contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as session,
         Supervisor(session, 0, Distro.JAZZY) as supervisor,
