@@ -177,12 +177,17 @@ def test_node(fake_daemon: Any, view: Path, start: Any) -> None:
     assert "contactctl: the daemon closed the connection" in said
 
 
-def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
-    source = PROGRAMS / "contacts.c"
-    assert len(source.read_text().splitlines()) <= 60
-    built = tmp_path / "contacts"
-    words = [*hatch_build.compiler(), "-Wall", "-Wextra", "-Werror", "-o", str(built), str(source)]
+@pytest.fixture
+def built(tmp_path: Path) -> Path:
+    """The program in C."""
+    made, source = tmp_path / "contacts", str(PROGRAMS / "contacts.c")
+    words = [*hatch_build.compiler(), "-Wall", "-Wextra", "-Werror", "-o", str(made), source]
     subprocess.run(words, check=True)
+    return made
+
+
+def test_c(fake_daemon: Any, view: Path, start: Any, built: Path) -> None:
+    assert len((PROGRAMS / "contacts.c").read_text().splitlines()) <= 60
     program = start(built, view)
     word, tick = program.line().split()
     assert (word, int(tick) % 50) == ("tick", 0)
@@ -193,11 +198,8 @@ def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
 
 
 def test_the_c_program_prints_the_reason_of_a_refusal(
-    fake_daemon: Any, view: Path, start: Any, tmp_path: Path
+    fake_daemon: Any, view: Path, start: Any, built: Path
 ) -> None:
-    built = tmp_path / "contacts"
-    compiler = hatch_build.compiler()
-    subprocess.run([*compiler, "-o", str(built), str(PROGRAMS / "contacts.c")], check=True)
     fake_daemon.refusals["subscribe"] = ["too early"]
     status, said = start(built, view).end()
     assert status == 1

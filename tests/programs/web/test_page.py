@@ -15,7 +15,8 @@ from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from daemon.protocol.state import Meeting, Notice, Permit, StreamState, Wrench
+from daemon.protocol.state import Meeting, Notice, Permit, Wrench
+from tests.programs.clients.test_dashboard import STREAM
 from tests.programs.recordings.test_touch_point import POSE, pushed
 from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screen, Screens
@@ -178,24 +179,8 @@ def test_detected_torques_are_shown_above_all_joints(phone: Screen, arm: FakeDae
     phone.reads("#felt", "Detects: nothing beyond its level")
 
 
-STREAM = StreamState(
-    sender="uid 1000 (pid 42)",
-    phase="waiting",
-    target=[0.0] * 7,
-    age_s=0.01,
-    rate_hz=50.0,
-    jitter_s=0.004,
-    delay_s=0.047,
-    lost=12,
-    dropped=0,
-    bounded=0,
-    refused=0,
-    after_contact="hold",
-)
-
-
 def test_a_stream_is_shown_with_its_phase(phone: Screen, arm: FakeDaemon) -> None:
-    arm.changes = ARMED | {"stream": STREAM}
+    arm.changes = ARMED | {"stream": replace(STREAM, phase="waiting", target=[0.0] * 7)}
     waits = "Stream waiting: the arm stands until the stream is within 0.05 rad of it"
     phone.begins("#stream", waits)
     phone.picture("stream_phone")
