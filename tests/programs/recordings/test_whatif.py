@@ -396,7 +396,7 @@ def test_the_time_of_lost_states_does_not_count_as_watched(recording: Path, tmp_
 
 
 def answered_anew(folder: Path, cache: Path, question: Question, **by: Any) -> None:
-    """Assert that answers by workers, without kept ones, are those without workers."""
+    """Comparison of answers by workers, with no answer kept, with those of this process."""
     asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
 
     def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
