@@ -21,6 +21,7 @@ from programs.contactd import contactd
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
+PAUSED = "the trajectory is paused; the arm holds once it is released"
 
 
 @pytest.mark.parametrize("command", ["start", "arm", "disarm", "reset"])
@@ -66,9 +67,9 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("disable", "off", ["off"], 0, "disable done\n"),
         ("pause", "holding", ["holding"], 0, "pause done\n"),
         # Who guides the arm may do so for minutes.
-        ("pause", "admittance", ["admittance"], 0, "admittance: the trajectory is paused; the arm"),
-        ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
-        ("pause", "tracking", ["stopping", "admittance"], 0, "the trajectory is paused; the arm h"),
+        ("pause", "admittance", ["admittance"], 0, f"admittance: {PAUSED}"),
+        ("pause", "retracting", ["retracting"], 0, f"retracting: {PAUSED}"),
+        ("pause", "tracking", ["stopping", "admittance"], 0, PAUSED),
         ("stop", "admittance", ["stopping", "admittance"], 1, "not holding after 0 s admittance"),
         ("disarm", "stopping", ["stopping", "holding"], 0, "holding: because of holding"),
         ("disarm", "stopping", ["stopping"], 1, "not holding after 0 s stopping"),
