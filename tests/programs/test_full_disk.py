@@ -83,7 +83,7 @@ def test_no_half_picture_of_the_gears_is_left(tmp_path: Path) -> None:
     assert (done.returncode, list(folder.iterdir())) == (65, [])
 
 
-def test_what_stood_there_before_stays(recording: Path, tmp_path: Path) -> None:
+def test_the_previous_file_stays(recording: Path, tmp_path: Path) -> None:
     target = tmp_path / "made.html"
     target.write_text("before")
     assert limited(4096, CONTACTD, "plot", recording, "-o", target).returncode == 65
@@ -102,7 +102,7 @@ def test_a_link_to_a_page_stays_one(tmp_path: Path) -> None:
     assert str(caught.value).startswith(f"cannot write {nowhere}: ")
 
 
-def test_what_is_no_file_is_neither_replaced_nor_removed(tmp_path: Path) -> None:
+def test_a_pipe_is_neither_replaced_nor_removed(tmp_path: Path) -> None:
     pipe = tmp_path / "made.html"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)

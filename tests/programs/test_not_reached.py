@@ -33,7 +33,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def door(path: Path, answer: Answer) -> Iterator[None]:
+def answering(path: Path, answer: Answer) -> Iterator[None]:
     """A socket whose every request gets what `answer` says to its command; None: none, and b"": the
     connection is closed."""
 
@@ -69,7 +69,9 @@ def door(path: Path, answer: Answer) -> Iterator[None]:
 
 @pytest.mark.parametrize("no_wait", [(), ("--no-wait",)])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_where_no_daemon_serves(tmp_path: Path, command: str, no_wait: tuple[str, ...]) -> None:
+def test_a_missing_daemon_is_reported(
+    tmp_path: Path, command: str, no_wait: tuple[str, ...]
+) -> None:
     result = say(tmp_path / "nothing", command, *no_wait)
     assert result.exit_code == 69
     assert result.stderr.startswith(f"{AT_ONCE}no contactd serves {tmp_path / 'nothing'}: ")
@@ -83,14 +85,14 @@ def test_where_no_daemon_serves(tmp_path: Path, command: str, no_wait: tuple[str
     ],
 )
 @pytest.mark.parametrize("command", COMMANDS)
-def test_where_no_answer_comes(tmp_path: Path, command: str, answer: Any, why: str) -> None:
-    with door(tmp_path / "control", lambda _: answer):
+def test_a_missing_answer_is_reported(tmp_path: Path, command: str, answer: Any, why: str) -> None:
+    with answering(tmp_path / "control", lambda _: answer):
         result = say(tmp_path / "control", command)
     assert (result.exit_code, result.stderr) == (69, f"{AT_ONCE}{why})\n")
 
 
-def test_where_what_answers_is_not_understood(tmp_path: Path) -> None:
-    with door(tmp_path / "control", lambda _: b"{"):
+def test_an_answer_of_another_version_is_reported(tmp_path: Path) -> None:
+    with answering(tmp_path / "control", lambda _: b"{"):
         result = say(tmp_path / "control", "stop")
     assert result.exit_code == 1
     assert result.stderr.startswith(f"{AT_ONCE}the daemon has another version")
@@ -99,7 +101,7 @@ def test_where_what_answers_is_not_understood(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_stop_that_was_given_before_the_daemon_fell_silent(tmp_path: Path, command: str) -> None:
     taken = msgspec.json.encode(Reply(ok=True, mode=Mode.STOPPING, unproved=["LElbowRoll"]))
-    with door(tmp_path / "control", lambda asked: taken if asked == command else None):
+    with answering(tmp_path / "control", lambda asked: taken if asked == command else None):
         result = say(tmp_path / "control", command)
     assert result.exit_code == 69
     assert result.stderr == (
@@ -109,7 +111,7 @@ def test_a_stop_that_was_given_before_the_daemon_fell_silent(tmp_path: Path, com
 
 
 @pytest.mark.parametrize("interrupted", [False, True])
-def test_a_way_on_which_the_daemon_falls_silent(
+def test_a_daemon_that_falls_silent_on_the_way_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, interrupted: bool
 ) -> None:
     @contextmanager
@@ -121,7 +123,7 @@ def test_a_way_on_which_the_daemon_falls_silent(
         name="zero", joints=["one"], start=[0.0], goal=[1.0], speed=[0.2], duration_s=5.0
     )
     moves = msgspec.json.encode(Reply(ok=True, mode=Mode.TRACKING, way=way))
-    with door(tmp_path / "control", lambda asked: moves if asked == "go" else None):
+    with answering(tmp_path / "control", lambda asked: moves if asked == "go" else None):
         result = say(tmp_path / "control", "go", "zero", "--yes")
     end = "." if interrupted else " if the arm moves."
     said = f"contactctl: NOT REACHED: use the emergency stop{end} (the daemon does not answer; "
@@ -130,7 +132,7 @@ def test_a_way_on_which_the_daemon_falls_silent(
 
 
 @pytest.mark.parametrize("command", ["status", "start", "enable", "record x.mcap"])
-def test_what_brings_nothing_to_rest_says_only_why(tmp_path: Path, command: str) -> None:
+def test_commands_that_stop_nothing_report_only_the_reason(tmp_path: Path, command: str) -> None:
     result = say(tmp_path / "nothing", *command.split())
     assert result.exit_code == 69
     assert result.stderr.startswith("contactctl: no contactd serves ")

@@ -30,6 +30,6 @@ def test_an_empty_path_is_not_this_folder(program: Any, words: list[str], name: 
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs"])
-def test_what_is_no_socket_is_said_to_be_none(name: str) -> None:
+def test_a_file_that_is_no_socket_is_refused(name: str) -> None:
     result = CliRunner().invoke(contactctl.main, ["--socket", str(ROOT / name), "status"])
     assert (result.exit_code, result.stderr) == (69, f"contactctl: {ROOT / name} is not a socket\n")

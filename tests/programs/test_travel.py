@@ -17,14 +17,16 @@ MASTERS_HEARTBEAT = 0x77F
 
 
 @pytest.mark.parametrize("folder", [ROMEO, ROMEO.parent / "desk_arm", SINGLE_JOINT])
-def test_a_drive_that_obeys_nothing_goes_at_most_twice_as_far_as_without_a_daemon(folder) -> None:
+def test_a_drive_that_ignores_commands_travels_at_most_twice_as_far_as_without_a_daemon(
+    folder,
+) -> None:
     c = load_robot(folder).configuration
     for travel in travels(c):
         dies = travel.master_timeout + travel.braking
         assert travel.total - travel.detection <= 2.0 * dies
 
 
-def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
+def test_no_joint_travels_further_than_computed_when_the_daemon_dies_at_full_speed() -> None:
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
         c = rig.robot.configuration
@@ -77,11 +79,11 @@ def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
         ("on_heartbeat",),
     ],
 )
-def test_no_joint_goes_further_whatever_its_drive_obeys(
+def test_no_joint_travels_further_than_computed_whatever_its_drive_obeys(
     obeys: tuple[str, ...], shows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At full speed a drive gets deaf to more and more; it shows what it does, or nothing. Its
-    motor: the link swings on in its gap."""
+    """A drive that ignores more and more messages at full speed, and reports its motion or not.
+    The travel is its motor's: the link swings on in its gap."""
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
         c, drive, plant = rig.robot.configuration, rig.arm.drives[0], rig.arm.plant
@@ -89,8 +91,8 @@ def test_no_joint_goes_further_whatever_its_drive_obeys(
         for _ in range(30):
             at_full_speed(rig, PowerTarget.ON, velocity)
         assert plant.theta_dot[0] > 0.95 * velocity
-        deaf = {"on_pdo", "on_sdo", "on_nmt"} - set(obeys)
-        for method in (*deaf, *([] if shows else ["transmit"])):
+        ignored = {"on_pdo", "on_sdo", "on_nmt"} - set(obeys)
+        for method in (*ignored, *([] if shows else ["transmit"])):
             monkeypatch.setattr(drive, method, lambda *_: None)
         began = float(plant.theta[0])
         for _ in range(detection_ticks(c)):

@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,18 +12,10 @@ from common.errors import ControlError, UnreachableError
 from daemon.protocol.replies import Reply
 from daemon.protocol.state import State
 from programs.clients.client import Client
+from tests.fake_daemon import state_at
 
 
-@pytest.fixture
-def listener(tmp_path: Path) -> Iterator[socket.socket]:
-    """A listening socket that is not polled, at tmp_path / "control"."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
-        opened.bind(str(tmp_path / "control"))
-        opened.listen(1)
-        yield opened
-
-
-def test_requests(fake_daemon: Any) -> None:
+def test_requests_are_answered(fake_daemon: Any) -> None:
     with Client(fake_daemon.path) as client:
         assert client.request("enable").message == "enable done"
         status = client.request("status").status
@@ -50,17 +41,17 @@ def test_a_demand_raises_with_every_reason(fake_daemon: Any) -> None:
     assert Reply(ok=False, reasons=["why"]).refusal == "refused; why"
 
 
-def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+def test_states_keep_every_bit(fake_daemon: Any) -> None:
     with Client(fake_daemon.path) as client:
         snapshot, states = client.subscribe()
         taken = list(islice(states, 20))
     assert snapshot.tick == snapshot.memory["tick"]
     assert taken[0].tick == snapshot.tick + 1
     for state in taken:
-        assert state == make_state(state.tick)
+        assert state == state_at(state.tick)
 
 
-def test_dead_daemon(tmp_path: Path) -> None:
+def test_a_socket_without_a_daemon_is_reported(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
         dead.bind(str(tmp_path / "control"))
     with pytest.raises(UnreachableError, match="no contactd serves"):
@@ -76,7 +67,7 @@ def test_dead_daemon(tmp_path: Path) -> None:
         (PermissionError(), "you have no access to its folder"),
     ],
 )
-def test_who_may_not_use_the_socket_is_reported_how_to_be_let_in(
+def test_a_refused_socket_is_reported_with_the_group_to_join(
     fake_daemon: Any, monkeypatch: pytest.MonkeyPatch, group: str | Exception, words: str
 ) -> None:
     def denied(self: socket.socket, address: str) -> None:
@@ -96,8 +87,9 @@ def test_who_may_not_use_the_socket_is_reported_how_to_be_let_in(
     assert "usermod -aG root" not in str(caught.value)
 
 
-def test_daemon_that_never_accepts(listener: socket.socket) -> None:
+def test_a_daemon_that_never_accepts_is_reported_busy(listener: socket.socket) -> None:
     path = Path(listener.getsockname())
+    listener.listen(1)
     with (
         Client(path),
         Client(path),  # one more than the backlog, by the kernel's count
@@ -106,7 +98,7 @@ def test_daemon_that_never_accepts(listener: socket.socket) -> None:
         Client(path, timeout_s=0.05)
 
 
-def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -> None:
+def test_an_answer_sent_before_the_request_is_read(listener: socket.socket) -> None:
     with Client(Path(listener.getsockname())) as client:
         accepted, _ = listener.accept()
         with accepted:
@@ -114,7 +106,7 @@ def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -
         assert client.request("stop").message == "full"
 
 
-def test_who_made_room_is_reported_so(fake_daemon: Any) -> None:
+def test_a_connection_closed_to_make_room_is_reported_so(fake_daemon: Any) -> None:
     first = Client(fake_daemon.path)
     first.request("status")
     held = [first, *(Client(fake_daemon.path) for _ in range(256))]
@@ -128,9 +120,9 @@ def test_who_made_room_is_reported_so(fake_daemon: Any) -> None:
         client.close()
 
 
-def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+def test_a_stream_that_stops_is_reported(fake_daemon: Any) -> None:
     end = fake_daemon.tick + 200
-    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    fake_daemon.states = lambda tick: state_at(tick) if tick < end else None
     with Client(fake_daemon.path, timeout_s=0.2) as client:
         _, states = client.subscribe()
         taken: list[State] = []
@@ -144,7 +136,7 @@ def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[...
 
 
 @pytest.mark.parametrize("packet", [b"hello", b"[]", b'{"message": "no ok"}', b"\xff"])
-def test_answer_that_is_not_understood(listener: socket.socket, packet: bytes) -> None:
+def test_an_answer_of_another_version_is_refused(listener: socket.socket, packet: bytes) -> None:
     with Client(Path(listener.getsockname())) as client:
         accepted, _ = listener.accept()
         with accepted:

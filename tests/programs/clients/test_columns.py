@@ -1,4 +1,4 @@
-"""Columns: arrays of States and of estimates say what the States say."""
+"""Columns: arrays with the values of States and of estimates."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields
@@ -85,7 +85,7 @@ def test_recorded_and_replayed_are_the_same_columns(
     assert layout.beside
 
 
-def test_columns_say_in_words_what_the_state_says(
+def test_columns_have_the_words_of_the_state(
     reported: tuple[Layout, list[State], list[Estimate]],
 ) -> None:
     layout, states, estimates = reported

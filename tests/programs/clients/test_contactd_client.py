@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,8 @@ from contactd_client.aio import AsyncClient, AsyncConnection
 from contactd_client.aio import watch as watch_async
 from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
-from daemon.protocol.state import State
 from programs.clients.client import Client as OwnClient
+from tests.fake_daemon import snapshot_at, state_at
 
 SOURCES = Path(contactd_client.__file__).parent
 
@@ -37,32 +38,24 @@ def view(fake_daemon: Any) -> Path:
     return view_socket_path(fake_daemon.path)
 
 
-@pytest.fixture
-def listener(tmp_path: Path) -> Iterator[socket.socket]:
-    """A listening socket that is not polled."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
-        opened.bind(str(tmp_path / "absent"))
-        opened.listen(8)
-        yield opened
-
-
-def answering(listener: socket.socket, *packets: bytes | None) -> threading.Thread:
-    """Accept one client in a thread; read a request before each packet, and send it unless None."""
+@contextmanager
+def answering(listener: socket.socket, packet: bytes, clients: int = 1) -> Iterator[Path]:
+    """Path of a socket that answers a request of each client by a packet, and closes."""
 
     def serve() -> None:
-        accepted, _ = listener.accept()
-        with accepted:
-            for packet in packets:
+        for _ in range(clients):
+            accepted, _ = listener.accept()
+            with accepted:
                 accepted.recv(4096)
-                if packet is not None:
-                    accepted.send(packet)
+                accepted.send(packet)
 
     thread = threading.Thread(target=serve)
     thread.start()
-    return thread
+    yield Path(listener.getsockname())
+    thread.join()
 
 
-# --- of what it is made --------------------------------------------------------------------
+# --- its parts ------------------------------------------------------------------------------
 
 
 def test_it_imports_nothing_but_the_standard_library() -> None:
@@ -77,7 +70,7 @@ def test_it_imports_nothing_but_the_standard_library() -> None:
     assert tops - {"contactd_client"} <= set(sys.stdlib_module_names)
 
 
-def test_it_starts_without_what_takes_long() -> None:
+def test_it_imports_no_slow_modules() -> None:
     """Apart from contactd, as in an environment of its own."""
     program = (
         "import sys; sys.path.insert(0, sys.argv[1]); import contactd_client; "
@@ -108,18 +101,16 @@ def test_the_view_socket_is_where_it_looks_first(
     assert "the view socket takes only" in reply.get("message", "")
 
 
-def test_states_are_those_that_were_sent(
-    fake_daemon: Any, view: Path, make_state: Callable[..., State]
-) -> None:
+def test_states_are_those_that_were_sent(fake_daemon: Any, view: Path) -> None:
     with Client(view) as client:
         snapshot, states = client.states()
         taken = list(islice(states, 20))
     assert taken[0]["tick"] == snapshot["tick"] + 1
     for state in taken:
-        assert state == plain(make_state(state["tick"]))
+        assert state == plain(state_at(state["tick"]))
 
 
-def test_asyncio_gets_the_same(fake_daemon: Any, view: Path, make_state: Any) -> None:
+def test_asyncio_gets_the_same(fake_daemon: Any, view: Path) -> None:
     async def run() -> tuple[Any, list[Any], Any]:
         async with await AsyncClient.open(view) as client:
             status = await client.status()
@@ -132,7 +123,7 @@ def test_asyncio_gets_the_same(fake_daemon: Any, view: Path, make_state: Any) ->
     other.close()
     assert status["pid"] == 4711
     for state in taken:
-        assert state == plain(make_state(state["tick"]))
+        assert state == plain(state_at(state["tick"]))
 
 
 def test_a_refusal_gives_every_reason(fake_daemon: Any, view: Path) -> None:
@@ -162,24 +153,26 @@ ANSWERS = [
 ]
 
 
-@pytest.mark.parametrize(("packet", "words"), ANSWERS)
-def test_what_is_no_answer_is_said(listener: socket.socket, packet: bytes, words: str) -> None:
-    thread = answering(listener, packet)
-    with Client(Path(listener.getsockname())) as client, pytest.raises(ControlError, match=words):
+def states(path: Path) -> None:
+    with Client(path) as client:
         client.states()
-    thread.join()
 
 
-@pytest.mark.parametrize(("packet", "words"), ANSWERS)
-def test_asyncio_says_the_same(listener: socket.socket, packet: bytes, words: str) -> None:
+def states_of_asyncio(path: Path) -> None:
     async def run() -> None:
-        async with await AsyncClient.open(Path(listener.getsockname())) as client:
+        async with await AsyncClient.open(path) as client:
             await client.states()
 
-    thread = answering(listener, packet)
-    with pytest.raises(ControlError, match=words):
-        asyncio.run(run())
-    thread.join()
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("ask", [states, states_of_asyncio])
+@pytest.mark.parametrize(("packet", "words"), ANSWERS)
+def test_a_wrong_answer_is_reported(
+    listener: socket.socket, packet: bytes, words: str, ask: Callable[[Path], None]
+) -> None:
+    with answering(listener, packet) as path, pytest.raises(ControlError, match=words):
+        ask(path)
 
 
 async def test_a_late_answer_is_never_taken_for_the_next(listener: socket.socket) -> None:
@@ -195,7 +188,7 @@ async def test_a_late_answer_is_never_taken_for_the_next(listener: socket.socket
             client.ask({"command": "disarm"})
 
 
-def test_the_last_words_of_a_daemon_are_heard(listener: socket.socket) -> None:
+def test_an_answer_of_a_daemon_that_has_ended_is_read(listener: socket.socket) -> None:
     async def run() -> str:
         async with await AsyncClient.open(Path(listener.getsockname())) as client:
             accepted, _ = listener.accept()
@@ -208,24 +201,14 @@ def test_the_last_words_of_a_daemon_are_heard(listener: socket.socket) -> None:
 
 def test_slow_commands_are_waited_for(listener: socket.socket) -> None:
     """The drives may have to boot before these."""
-
-    def serve() -> None:
+    with Client(Path(listener.getsockname()), 0.01) as client:
         accepted, _ = listener.accept()
         with accepted:
-            accepted.recv(4096)
-            asked.wait()
-            accepted.send(b'{"ok":true}')
-
-    asked = threading.Event()
-    thread = threading.Thread(target=serve)
-    thread.start()
-    with Client(Path(listener.getsockname()), 0.01) as client:
-        threading.Timer(0.1, asked.set).start()
-        assert client.ask({"command": "reset"})["ok"]
-    thread.join()
+            threading.Timer(0.1, accepted.send, [b'{"ok":true}']).start()
+            assert client.ask({"command": "reset"})["ok"]
 
 
-def test_what_is_no_json_is_never_sent(fake_daemon: Any, view: Path) -> None:
+def test_a_request_that_is_no_json_is_not_sent(fake_daemon: Any, view: Path) -> None:
     with Client(view) as client:
         for lease in (float("nan"), object()):
             with pytest.raises(ControlError, match="no request"):
@@ -233,7 +216,7 @@ def test_what_is_no_json_is_never_sent(fake_daemon: Any, view: Path) -> None:
         assert client.ask({"command": "status"})["ok"]
 
 
-# --- for ever ------------------------------------------------------------------------------
+# --- watching ------------------------------------------------------------------------------
 
 
 def kinds(news: list[Any]) -> list[str]:
@@ -264,21 +247,11 @@ def test_it_joins_again(fake_daemon: Any, view: Path) -> None:
     assert reasons == list(dict.fromkeys(reasons))  # none is reported twice
 
 
-def test_each_loss_is_reported(listener: socket.socket, make_snapshot: Any) -> None:
+def test_each_loss_is_reported(listener: socket.socket) -> None:
     """Client of a daemon that begins well and hangs up, every time."""
-
-    def serve() -> None:
-        for _ in range(3):
-            accepted, _ = listener.accept()
-            with accepted:
-                accepted.recv(4096)
-                reply = Reply(ok=True, snapshot=make_snapshot(0))
-                accepted.send(msgspec.json.encode(reply))
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    news = list(islice(watch(Path(listener.getsockname()), retry_s=0.001), 6))
-    thread.join()
+    reply = msgspec.json.encode(Reply(ok=True, snapshot=snapshot_at(0)))
+    with answering(listener, reply, clients=3) as path:
+        news = list(islice(watch(path, retry_s=0.001), 6))
     assert [type(one).__name__ for one in news] == ["Joined", "Lost"] * 3
     assert {one.why for one in news[1::2]} == {"the daemon closed the connection"}
 
@@ -295,13 +268,13 @@ def test_it_waits_for_a_daemon_that_is_not_there_yet(tmp_path: Path) -> None:
     assert asyncio.run(first()) == expected
 
 
-def test_contactd_itself_stands_on_it(fake_daemon: Any) -> None:
+def test_contactds_own_client_uses_its_connection(fake_daemon: Any) -> None:
     with OwnClient(fake_daemon.path) as client:
         assert client.ask_status().pid == 4711
     assert OwnClient.__init__.__globals__["Connection"] is contactd_client.client.Connection
 
 
-def test_asyncio_hears_what_came_before_the_end_of_the_connection() -> None:
+def test_asyncio_reads_packets_sent_before_the_end_of_the_connection() -> None:
     ours, its_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, its_end:
         ours.setblocking(False)

@@ -1,4 +1,4 @@
-"""Recordings whose messages say what no daemon has sent: one clear word, no traceback."""
+"""Recordings with damaged messages: one clear error, no traceback."""
 
 import json
 from collections.abc import Callable
@@ -96,7 +96,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("name", list(DAMAGE))
-def test_a_damaged_message_is_one_clear_word(tmp_path: Path, name: str) -> None:
+def test_a_damaged_message_is_one_error(tmp_path: Path, name: str) -> None:
     topic, change, word = DAMAGE[name]
     path = written(tmp_path / "made.mcap", changed(topic, change))
     with pytest.raises(ContactdError, match=word):
@@ -108,7 +108,7 @@ def test_a_damaged_message_is_one_clear_word(tmp_path: Path, name: str) -> None:
     assert len(line) < 400
 
 
-def test_what_is_whole_before_ragged_samples_is_replayed(tmp_path: Path) -> None:
+def test_states_before_ragged_samples_are_replayed(tmp_path: Path) -> None:
     change = set_to("current", value=[0.1, 0.2])
     path = written(tmp_path / "made.mcap", changed("/state", change, which=10))
     result = replay(path)

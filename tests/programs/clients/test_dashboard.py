@@ -1,7 +1,6 @@
 """Dashboard and status report as text, at the sizes they promise to fit."""
 
 import io
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit, Snapshot, State, StreamState
+from daemon.protocol.state import Notice, Permit, StreamState
 from programs.clients.dashboard import (
     Dashboard,
     History,
@@ -23,11 +22,10 @@ from programs.clients.dashboard import (
 from programs.clients.status_report import status_report
 from programs.clients.stream_words import quality_in_words
 from programs.clients.styles import MODE_STYLES, not_seen_to_stand
-from tests.fake_daemon import FakeDaemon
+from tests.fake_daemon import FakeDaemon, snapshot_at, state_at
 from tests.golden_words import same_words
 from tests.programs.clients.test_sensitivity import smallest
 
-MakeState = Callable[..., State]
 GOLDEN = Path(__file__).with_name("golden")
 
 
@@ -41,19 +39,19 @@ def text_of(shown: RenderableType, width: int, height: int, encoding: str = "utf
 
 
 @pytest.fixture
-def dashboard(make_state: MakeState, make_snapshot: Callable[[int], Snapshot]) -> Any:
+def dashboard() -> Any:
     def make(ticks: range, **changes: object) -> Dashboard:
         history = History()
         for tick in ticks:
-            history.add(make_state(tick))
-        return Dashboard(make_snapshot(0), make_state(ticks[-1], **changes), history.summary())
+            history.add(state_at(tick))
+        return Dashboard(snapshot_at(0), state_at(ticks[-1], **changes), history.summary())
 
     return make
 
 
 @pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24)])
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
-def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
+def test_it_fits_the_terminal(dashboard: Any, width: int, height: int, encoding: str) -> None:
     notices = [Notice(kind="note", text="x" * 200)] * 40
     frame = dashboard(range(0, 131))
     history = History()
@@ -106,10 +104,10 @@ SCENES: dict[str, dict[str, Any]] = {
     "a stream": {"stream": STREAM},
     "a guide": {"guide": "stiff y z rx ry rz; frame tool"},
     "not seen to stand": {"armed": False, "cause": "why", **DOUBT},
-    "one joint is deaf": sensing(0.03, 0.03, -0.9),
+    "one joint does not sense": sensing(0.03, 0.03, -0.9),
     "two since one moment": sensing(0.03, -0.9, -0.9),
     "two since two": sensing(0.03, -0.1, -0.9),
-    "all are deaf": sensing(*[-0.9] * 7),
+    "no joint senses": sensing(*[-0.9] * 7),
     "all sense": sensing(*[0.03] * 6, 0.7),
     "off, where no contact counts": {"mode": "off", **sensing(*[0.03] * 6, 0.7)},
     "of format 1": {"sensing": None, "sensing_since_s": None},
@@ -148,7 +146,7 @@ def pictures(of: dict[str, list[str]]) -> str:
 
 
 @pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24), (40, 24)])
-def test_its_words(dashboard: Any, width: int, height: int) -> None:
+def test_words_of_every_scene_at_each_width(dashboard: Any, width: int, height: int) -> None:
     frames = {name: dashboard(range(131), **changes) for name, changes in SCENES.items()}
     plain = frames["armed, and yields"]
     for lag_s, silent_s in ((0.4, 0.4), (0.7, 0.0), (0.0, 0.5)):
@@ -171,7 +169,7 @@ def test_words_of_a_status(tmp_path: Path, width: int) -> None:
     same_words(GOLDEN / f"status_{width}.txt", pictures(shown))
 
 
-def test_a_reader_that_comes_late_lags() -> None:
+def test_a_late_reader_lags() -> None:
     """To a state 0.2 s after it was sent at best, later 0.9 s."""
     lag = Lag()
     seen = [lag.of(100.0 + now, time_s) for now, time_s in ((0.3, 0.0), (1.2, 1.0), (2.9, 2.0))]
@@ -231,11 +229,11 @@ def test_the_time_that_is_left_is_shown(dashboard: Any) -> None:
     assert "continues in 0.9 s if untouched" in shown
 
 
-def test_history_is_bounded_and_right(make_state: MakeState) -> None:
+def test_history_is_bounded_and_summarised() -> None:
     history = History()
     assert history.summary() == Summary()
     for tick in range(5000):
-        state = make_state(tick, notices=[Notice(kind="note", text=str(tick))])
+        state = state_at(tick, notices=[Notice(kind="note", text=str(tick))])
         timing = msgspec.structs.replace(state.timing, lateness_us=float(tick), work_us=7.0)
         history.add(msgspec.structs.replace(state, timing=timing))
     summary = history.summary()
@@ -271,5 +269,5 @@ def test_every_mode_has_a_style() -> None:
         ({"mode": Mode.FAULTED, "armed": False}, "use the emergency stop if the arm moves"),
     ],
 )
-def test_what_was_known_last(make_state: MakeState, changes: dict[str, Any], said: str) -> None:
-    assert last_known(make_state(0, **changes)).endswith(said)
+def test_the_last_known_state_is_named_with_the_advice(changes: dict[str, Any], said: str) -> None:
+    assert last_known(state_at(0, **changes)).endswith(said)

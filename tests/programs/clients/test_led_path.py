@@ -47,7 +47,7 @@ def test_loops_and_pauses_stay_and_rests_and_tremor_go(tremor: float) -> None:
     assert turned[-1] == pytest.approx(np.pi, abs=0.05)
 
 
-def test_what_is_kept_stays_near_the_way() -> None:
+def test_the_kept_path_stays_near_the_led_one() -> None:
     t, q = recorded()
     times, positions = led_path(t.tolist(), q.tolist())
     shift = np.abs(np.array(t)[:, None] - 2.0).argmin() * STEP_S
@@ -57,6 +57,6 @@ def test_what_is_kept_stays_near_the_way() -> None:
     assert np.abs(played(times, positions, at) - true).max() < 0.02 + OFF_RAD
 
 
-def test_where_nothing_moved_nothing_is_kept() -> None:
+def test_a_path_without_motion_is_empty() -> None:
     t = np.arange(0.0, 5.0, STEP_S).tolist()
     assert led_path(t, [[0.001 * np.sin(s), 0.5] for s in t]) == ([], [])

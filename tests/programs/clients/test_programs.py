@@ -25,6 +25,7 @@ from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import Request
 from daemon.protocol.state import State
+from tests.fake_daemon import state_at
 
 ROOT = Path(__file__).resolve().parents[3]
 PROGRAMS = ROOT / "docs/programs"
@@ -32,9 +33,9 @@ LONGEST_S = 60.0
 
 
 @pytest.fixture
-def view(fake_daemon: Any, make_state: Callable[..., State]) -> Path:
-    """Door of a daemon whose arm is touched every 50 ticks, and collides every 200."""
-    notices = make_state(100).notices
+def view(fake_daemon: Any) -> Path:
+    """View socket of a daemon whose arm is touched every 50 ticks, and collides every 200."""
+    notices = state_at(100).notices
     (contact,) = notices
     collision = msgspec.structs.replace(
         contact, contact=msgspec.structs.replace(contact.contact, level="collision")
@@ -42,8 +43,8 @@ def view(fake_daemon: Any, make_state: Callable[..., State]) -> Path:
 
     def state(tick: int) -> State:
         if tick % 50:
-            return make_state(tick, notices=[])
-        return make_state(tick, notices=[collision if tick % 200 == 0 else contact])
+            return state_at(tick, notices=[])
+        return state_at(tick, notices=[collision if tick % 200 == 0 else contact])
 
     fake_daemon.states = state
     return view_socket_path(fake_daemon.path)
@@ -115,7 +116,7 @@ def test_standard_library(fake_daemon: Any, view: Path, start: Any) -> None:
     assert program.end() == (1, "the daemon ended\n")
 
 
-def test_without_a_daemon_they_say_so(start: Any) -> None:
+def test_a_missing_daemon_is_reported(start: Any) -> None:
     program = start(sys.executable, PROGRAMS / "contacts.py", "/nowhere")
     assert program.end() == (1, "/nowhere: No such file or directory\n")
     usage = "usage: contacts.py VIEW_SOCKET [--stop]\n"
@@ -127,11 +128,11 @@ def test_without_a_daemon_they_say_so(start: Any) -> None:
 
 
 def test_a_daemon_that_hangs_is_reported(start: Any, tmp_path: Path) -> None:
-    """It takes connections, and answers no one."""
+    """It accepts connections, and answers none."""
     where = tmp_path / "hangs"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as door:
-        door.bind(str(where))
-        door.listen()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(str(where))
+        listener.listen()
         program = start(sys.executable, PROGRAMS / "contacts.py", where)
         said = "the daemon fell silent: nothing is known of the arm\n"
         assert program.end() == (1, said)
@@ -176,12 +177,17 @@ def test_node(fake_daemon: Any, view: Path, start: Any) -> None:
     assert "contactctl: the daemon closed the connection" in said
 
 
-def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
-    source = PROGRAMS / "contacts.c"
-    assert len(source.read_text().splitlines()) <= 60
-    built = tmp_path / "contacts"
-    words = [*hatch_build.compiler(), "-Wall", "-Wextra", "-Werror", "-o", str(built), str(source)]
+@pytest.fixture
+def built(tmp_path: Path) -> Path:
+    """The program in C."""
+    made, source = tmp_path / "contacts", str(PROGRAMS / "contacts.c")
+    words = [*hatch_build.compiler(), "-Wall", "-Wextra", "-Werror", "-o", str(made), source]
     subprocess.run(words, check=True)
+    return made
+
+
+def test_c(fake_daemon: Any, view: Path, start: Any, built: Path) -> None:
+    assert len((PROGRAMS / "contacts.c").read_text().splitlines()) <= 60
     program = start(built, view)
     word, tick = program.line().split()
     assert (word, int(tick) % 50) == ("tick", 0)
@@ -191,10 +197,9 @@ def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
     assert start(built, "x" * 200).end()[0] == 1
 
 
-def test_c_is_reported_why_not(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
-    built = tmp_path / "contacts"
-    compiler = hatch_build.compiler()
-    subprocess.run([*compiler, "-o", str(built), str(PROGRAMS / "contacts.c")], check=True)
+def test_the_c_program_prints_the_reason_of_a_refusal(
+    fake_daemon: Any, view: Path, start: Any, built: Path
+) -> None:
     fake_daemon.refusals["subscribe"] = ["too early"]
     status, said = start(built, view).end()
     assert status == 1
@@ -227,7 +232,7 @@ def validator(name: str) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schema)
 
 
-def test_what_a_daemon_says_fits_the_schemas(served: Any) -> None:
+def test_messages_of_a_daemon_fit_the_schemas(served: Any) -> None:
     """Messages of a whole daemon in lockstep: States, Status, Snapshot, refusals."""
     replies, states = validator("reply"), validator("state")
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as reader:
@@ -257,7 +262,9 @@ REQUESTS = [
 
 
 @pytest.mark.parametrize(("request_", "fits"), REQUESTS)
-def test_the_schema_takes_what_the_daemon_takes(request_: dict[str, Any], fits: bool) -> None:
+def test_the_schema_accepts_the_requests_that_the_daemon_accepts(
+    request_: dict[str, Any], fits: bool
+) -> None:
     assert validator("request").is_valid(request_) is fits
     try:
         msgspec.convert(request_, Request)
@@ -271,5 +278,5 @@ def test_the_schema_takes_what_the_daemon_takes(request_: dict[str, Any], fits: 
     ("name", "cls", "message"),
     [("reply", Reply, {"ok": "yes"}), ("state", State, {"tick": 1}), ("reply", Reply, [])],
 )
-def test_what_is_no_message_does_not_fit(name: str, cls: type, message: Any) -> None:
+def test_invalid_messages_do_not_fit_the_schemas(name: str, cls: type, message: Any) -> None:
     assert not validator(name).is_valid(message)

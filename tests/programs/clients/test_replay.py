@@ -109,7 +109,7 @@ def test_after_a_gap_it_waits_for_a_snapshot_in_batches_of_any_size(
 
 
 @pytest.mark.usefixtures("_batch")
-def test_states_that_come_late_do_not_end_a_gap(messages: Messages, tmp_path: Path) -> None:
+def test_late_states_do_not_end_a_gap(messages: Messages, tmp_path: Path) -> None:
     snapshot, states = messages[0], messages[1:]
     disordered = [snapshot, *states[:100], *states[103:110], *states[100:103], *states[110:120]]
     assert replay(written(tmp_path / "a.mcap", disordered)) == Replay(100, 20, 1, None, "")
@@ -128,7 +128,7 @@ def test_the_reset_when_the_arm_begins_to_hold_is_replayed(
 
 @pytest.mark.parametrize("end", [0.3, 0.7, 0.9])
 @pytest.mark.usefixtures("_batch")
-def test_what_is_whole_of_a_broken_file_is_compared(
+def test_the_whole_part_of_a_broken_file_is_compared(
     messages: Messages, tmp_path: Path, end: float
 ) -> None:
     path = written(tmp_path / "a.mcap", messages)

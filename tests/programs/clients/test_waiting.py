@@ -22,7 +22,7 @@ LONG_S = 60.0
         ([1, 3], 0.0, 1),  # without a timeout it is asked once
     ],
 )
-def test_it_asks_until_it_is_so(answers, timeout_s, found):
+def test_it_asks_until_the_answer_is_reached_or_the_timeout(answers, timeout_s, found):
     left = iter(answers)
     assert asked_until(lambda: next(left), lambda answer: answer >= 3, timeout_s) == found
 
@@ -35,7 +35,7 @@ def test_it_asks_until_it_is_so(answers, timeout_s, found):
         ([DONE, REFUSED], DONE),
     ],
 )
-def test_a_reset_waits_for_an_arm_that_was_not_seen_to_stand_yet(replies, found):
+def test_a_reset_is_repeated_until_the_arm_is_confirmed_at_standstill(replies, found):
     asked: list[str] = []
     left = iter(replies)
 

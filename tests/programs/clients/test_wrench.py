@@ -33,7 +33,7 @@ def wrench(**fields: Any) -> Wrench:
          "a force beyond its level; along x and y not seen"),
     ],
 )  # fmt: skip
-def test_words(fields: dict[str, Any], words: str) -> None:
+def test_words_of_a_force(fields: dict[str, Any], words: str) -> None:
     assert wrench_words(wrench(**fields), "hand") == words
 
 
@@ -43,7 +43,7 @@ def test_the_bound_counts_what_directions_share() -> None:
 
 
 @pytest.mark.parametrize("force", [[0.0, 0.0, -18.0], [12.0, -9.0, 8.0], [0.0, 0.4, 3.0]])
-def test_status_and_page_say_the_same_newtons(force: list[float]) -> None:
+def test_status_and_page_show_the_same_newtons(force: list[float]) -> None:
     one = wrench(force=force)
     shown = page_force(state_at(0, wrench=one))
     assert shown is not None

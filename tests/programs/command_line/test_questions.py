@@ -36,9 +36,9 @@ def until(stream: IO[bytes], end: bytes) -> bytes:
 
 
 @pytest.mark.parametrize(("answer", "may"), [(b"n\n", "False"), (b"\n", "False"), (b"y\n", "True")])
-def test_a_yes_that_was_typed_before_the_question_is_none(answer: bytes, may: str) -> None:
+def test_a_yes_typed_before_the_question_does_not_count(answer: bytes, may: str) -> None:
     assert answers("confirmed('Move the arm?')", b"y\ny\n", answer) == may
 
 
-def test_a_sign_that_was_typed_before_the_link_was_pushed_is_none() -> None:
+def test_a_sign_typed_before_the_push_does_not_count() -> None:
     assert answers("choice('Which way did it go', ['+', '-'])", b"+\n+", b"-\n") == "-"

@@ -27,7 +27,7 @@ LONG = "  - changed since it was read: config.yaml, identified.yaml; `contactctl
     indent=st.integers(0, 6),
     width=st.integers(8, 90),
 )
-def test_no_word_is_cut_and_none_is_lost(words: list[str], indent: int, width: int) -> None:
+def test_words_are_neither_cut_nor_lost(words: list[str], indent: int, width: int) -> None:
     lines = folded(" " * indent + " ".join(words), width).splitlines()
     assert " ".join(lines).split() == words
     for line in lines:
@@ -64,7 +64,9 @@ def test_a_terminal_gets_whole_words_and_a_pipe_one_line(
         ["contactd", "check", "configs/single_joint"],
     ],
 )
-def test_a_closed_pipe_is_no_answer(fake_daemon: Any, tmp_path: Path, words: list[str]) -> None:
+def test_a_closed_pipe_is_not_taken_for_an_answer(
+    fake_daemon: Any, tmp_path: Path, words: list[str]
+) -> None:
     """Status 1 of `health` means that something is to be said of a joint."""
     for day in days(5, worn):
         write_day(trends_folder(tmp_path, "arm"), day)

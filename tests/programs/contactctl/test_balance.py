@@ -53,7 +53,7 @@ def test_one_force_where_levers_are_long_and_no_gain_beyond_its_bounds(
         (2.0, 0.0, FIRMEST_1_S / (HAND_N_M * 0.5**2)),  # pretends to no mass
     ],
 )
-def test_the_joint_that_asks_for_most_is_as_light_as_it_may_be(
+def test_the_joint_with_the_largest_force_gets_the_largest_allowed_gain(
     inertia: float, virtual_mass_s: float, bound: float
 ) -> None:
     found = balanced(

@@ -21,6 +21,7 @@ from programs.contactd import contactd
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
+PAUSED = "the trajectory is paused; the arm holds once it is released"
 
 
 @pytest.mark.parametrize("command", ["start", "arm", "disarm", "reset"])
@@ -66,15 +67,9 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("disable", "off", ["off"], 0, "disable done\n"),
         ("pause", "holding", ["holding"], 0, "pause done\n"),
         # Who guides the arm may do so for minutes.
-        ("pause", "admittance", ["admittance"], 0, "admittance: the trajectory is paused; the arm"),
-        ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
-        (
-            "pause",
-            "tracking",
-            ["stopping", "admittance"],
-            0,
-            "paused; the arm holds once it is released",
-        ),
+        ("pause", "admittance", ["admittance"], 0, f"admittance: {PAUSED}"),
+        ("pause", "retracting", ["retracting"], 0, f"retracting: {PAUSED}"),
+        ("pause", "tracking", ["stopping", "admittance"], 0, PAUSED),
         ("stop", "admittance", ["stopping", "admittance"], 1, "not holding after 0 s admittance"),
         ("disarm", "stopping", ["stopping", "holding"], 0, "holding: because of holding"),
         ("disarm", "stopping", ["stopping"], 1, "not holding after 0 s stopping"),
@@ -83,14 +78,8 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("reset", "faulted", ["faulted"], 1, "a new fault: because of faulted"),
     ],
 )
-def test_waits_until_it_is_done(
-    run: Run,
-    fake_daemon: Any,
-    command: str,
-    before: str,
-    modes: list[str],
-    exit_code: int,
-    said: str,
+def test_commands_wait_until_the_mode_is_reached(
+    run: Run, fake_daemon: Any, command: str, before: str, modes: Any, exit_code: int, said: str
 ) -> None:
     fake_daemon.mode, fake_daemon.trajectory = before, "paused"
     fake_daemon.modes[command] = modes
@@ -113,7 +102,7 @@ def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> 
     ("command", "mode"),
     [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off"), ("stop", "off")],
 )
-def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
+def test_a_stop_is_done_when_every_joint_is_confirmed_at_standstill(
     run: Run, fake_daemon: Any, command: str, mode: str
 ) -> None:
     fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
@@ -129,7 +118,7 @@ def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
 @pytest.mark.parametrize(
     ("command", "mode"), [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off")]
 )
-def test_a_stop_that_no_one_has_seen_is_a_failure(
+def test_a_stop_without_confirmed_standstill_is_a_failure(
     run: Run, fake_daemon: Any, command: str, mode: str, no_wait: tuple[str, ...], silenced: bool
 ) -> None:
     fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
@@ -148,7 +137,7 @@ def test_a_stop_that_no_one_has_seen_is_a_failure(
 
 
 @pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable", "disarm"])
-def test_no_wait(run: Run, fake_daemon: Any, command: str) -> None:
+def test_no_wait_returns_at_once(run: Run, fake_daemon: Any, command: str) -> None:
     result = run(command, "--no-wait")
     assert (result.exit_code, result.stdout) == (0, f"{command} done\n")
     assert [name for name, _ in fake_daemon.seen if name != "status"] == [command]
@@ -165,16 +154,11 @@ def test_json_of_a_command(run: Run, fake_daemon: Any) -> None:
     assert json.loads(result.stdout)["reasons"] == ["because"]
 
 
-def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_status(run: Run) -> None:
     result = run("status")
     assert result.exit_code == 0
-    for word in (
-        "OFF",
-        "not armed",
-        "failed  residual        LWristYaw feels +0.30 Nm",
-        "memory not locked",
-        "3 missed",
-    ):
+    check = "failed  residual        LWristYaw feels +0.30 Nm"
+    for word in ("OFF", "not armed", check, "memory not locked", "3 missed"):
         assert word in result.stdout
     assert "\x1b" not in result.stdout
     assert all(line == line.rstrip() for line in result.stdout.splitlines())
@@ -206,7 +190,7 @@ def path_options(group: click.Group) -> Iterator[click.Parameter]:
             yield from path_options(command)
 
 
-def test_who_opens_a_file_says_that_it_may_not_be_read() -> None:
+def test_files_without_permission_are_not_left_to_click() -> None:
     """Not click, whose exit status is that of a wrong command line."""
     found = [one for main in (contactd.main, contactctl.main) for one in path_options(main)]
     assert {one.name for one in found} >= {"config", "socket", "file", "output", "hand", "logs"}
@@ -216,7 +200,7 @@ def test_who_opens_a_file_says_that_it_may_not_be_read() -> None:
 @pytest.mark.parametrize(
     "arguments", [["fly"], ["arm", "now"], ["record"], ["record", "x", "--seconds", "0"], ["watch"]]
 )
-def test_usage(run: Run, arguments: list[str]) -> None:
+def test_a_wrong_command_line_exits_with_2(run: Run, arguments: list[str]) -> None:
     assert run(*arguments).exit_code == 2
 
 
@@ -239,7 +223,7 @@ def test_a_number_out_of_range_is_refused_at_its_option(
     assert not fake_daemon.seen
 
 
-def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
+def test_the_gain_of_an_unknown_joint_is_refused(run: Run, fake_daemon: Any) -> None:
     for value in ([], ["0.1"]):
         result = run("gain", "NoSuch\udcff", *value)
         assert (result.exit_code, result.stdout) == (1, "")
@@ -287,16 +271,14 @@ def test_a_session_has_one_order_everywhere(page: str) -> None:
     assert reported == sorted(reported, key=order.index)
 
 
-def test_it_has_the_daemons_commands_but_those_of_programs() -> None:
+def test_its_commands_are_the_daemons_without_those_for_programs() -> None:
     of_programs = {"subscribe", "load", "renew", "target"}
     its_own = {"hand", "health", "home", "touches", "watch", "record", "playback"}
     assert set(contactctl.main.commands) == set(COMMANDS) - of_programs | its_own
 
 
 @pytest.mark.parametrize(("word", "also"), [("--help", {"rich", "msgspec"}), ("stop", {"rich"})])
-def test_commands_start_without_what_takes_long(
-    fake_daemon: Any, word: str, also: set[str]
-) -> None:
+def test_commands_start_without_slow_modules(fake_daemon: Any, word: str, also: set[str]) -> None:
     program = (
         "import sys; from programs.contactctl.contactctl import main\n"
         "try: main(sys.argv[1:])\n"
@@ -311,24 +293,26 @@ def test_commands_start_without_what_takes_long(
     assert heavy & loaded == set()
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
-def test_done_is_done_without_a_reader(fake_daemon: Any, closed: str) -> None:
+def process_of(fake_daemon: Any) -> list[str]:
+    """Words that start `contactctl` as a process."""
     main = "from programs.contactctl.contactctl import main; main()"
-    command = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), "stop"]
-    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command]
+    return [sys.executable, "-c", main, "--socket", str(fake_daemon.path)]
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_commands_are_done_without_a_reader(fake_daemon: Any, closed: str) -> None:
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *process_of(fake_daemon), "stop"]
     done = subprocess.run(shell, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert fake_daemon.seen[0][0] == "stop"
 
 
 @pytest.mark.parametrize("command", [["stop"], ["status"], ["--json", "status"]])
-def test_an_answer_that_has_no_room_is_one_line(fake_daemon: Any, command: list[str]) -> None:
-    main = "from programs.contactctl.contactctl import main; main()"
-    words = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), *command]
+def test_output_to_a_full_device_is_one_error(fake_daemon: Any, command: list[str]) -> None:
+    words = [*process_of(fake_daemon), *command]
+    at = {"cwd": ROOT, "stderr": subprocess.PIPE, "text": True}
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+        done = subprocess.run(words, stdout=full, check=False, **at)
     assert done.stderr == "contactctl: cannot write the output: No space left on device\n"
     assert done.returncode == 65
     assert [seen for seen, _ in fake_daemon.seen] == [one for one in command if one[0] != "-"]

@@ -110,7 +110,7 @@ def test_each_phase_is_shown_once_and_enter_rejoins(
 
 
 @pytest.mark.parametrize("words", [[], ["way.csv", "--leader", "x.sock"]])
-def test_it_takes_one_source(words: list[str]) -> None:
+def test_exactly_one_source_is_required(words: list[str]) -> None:
     result = CliRunner().invoke(contactctl.main, ["follow", *words])
     assert result.exit_code == 2
     assert "give either a FILE.csv or --leader SOCKET" in result.stderr

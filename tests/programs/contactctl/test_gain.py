@@ -21,7 +21,7 @@ def gains(served: ServedDaemon) -> dict[str, float]:
     return found
 
 
-def test_a_proposal_changes_nothing_and_what_is_applied_is_what_was_proposed(
+def test_a_proposal_changes_nothing_and_is_applied_as_proposed(
     romeo: ServedDaemon,
 ) -> None:
     before = gains(romeo)
@@ -41,7 +41,7 @@ def test_a_proposal_changes_nothing_and_what_is_applied_is_what_was_proposed(
     assert gains(romeo) != before
 
 
-def test_the_table_says_how_even_it_is_before_and_after(romeo: ServedDaemon) -> None:
+def test_the_table_shows_the_forces_before_and_after(romeo: ServedDaemon) -> None:
     rows = json.loads(romeo.contactctl("--json", "gain", "--balance").stdout)["joints"]
     least = {row["least_N"] for row in rows.values()}
     assert max(least) == pytest.approx(min(least), rel=0.01)
@@ -50,7 +50,7 @@ def test_the_table_says_how_even_it_is_before_and_after(romeo: ServedDaemon) -> 
     row = rows["LShoulderPitch"]
     for when in ("now_", ""):
         assert f" {row[f'{when}least_N']:.1f} to {row[f'{when}most_N']:.1f}" in table
-    assert "inf" not in table  # the drives are off: it feels nothing yet
+    assert "inf" not in table  # the drives are off, so nothing is detected yet
     assert max(map(len, table.split("Forces")[0].splitlines())) <= 80
     assert "Ratio of largest to smallest force when led: " in table
 
@@ -72,7 +72,7 @@ def test_a_gain_that_is_refused_while_applying_is_an_error(
         (("LElbowRoll", "0.3", "--apply"), "--apply requires --balance"),
     ],
 )
-def test_options_that_do_not_go_together(
+def test_contradictory_options_are_refused(
     romeo: ServedDaemon, words: tuple[str, ...], said: str
 ) -> None:
     before = gains(romeo)

@@ -66,7 +66,7 @@ def test_a_guide_is_changed_and_read_back(
         ("point --no-turn", 1, "6 directions held leave an arm of 6 joints none to move in"),
     ],
 )
-def test_what_is_no_guide_changes_nothing(
+def test_a_wrong_guide_is_refused_and_changes_nothing(
     beam: ServedDaemon, words: str, code: int, said: str
 ) -> None:
     assert beam.contactctl("guide", "line", "z").exit_code == 0

@@ -1,4 +1,4 @@
-"""`contactctl hand`: what is typed, as the simulator gets it."""
+"""`contactctl hand`: words of a command line as the simulator gets them."""
 
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ def typed(*words: str) -> Result:
         (("press", "z", "-20N"), "force", [0.0, 0.0, -20.0]),
     ],
 )
-def test_a_number_below_0_is_the_other_way(
+def test_a_negative_number_is_no_option(
     acts: list[dict[str, Any]], words: tuple[str, ...], dashes: list[str], key: str, value: object
 ) -> None:
     assert typed(words[0], *dashes, *words[1:]).exit_code == 0
@@ -65,13 +65,13 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
         ),
     ],
 )
-def test_what_is_allowed_is_said(words: tuple[str, ...], said: str) -> None:
+def test_errors_list_the_allowed_values(words: tuple[str, ...], said: str) -> None:
     result = typed(*words)
     assert result.exit_code == 2
     assert said in result.output
 
 
-def test_a_misspelt_option_of_payload_is_no_name() -> None:
+def test_a_misspelt_option_of_payload_is_not_taken_for_a_name() -> None:
     for words in (["--cmo"], ["0.3", "--cmo", "1", "2", "3"]):
         result = CliRunner().invoke(contactctl.main, ["payload", *words])
         assert result.exit_code == 2

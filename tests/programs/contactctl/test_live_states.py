@@ -8,16 +8,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import Result
 
-from daemon.protocol.state import State
 from programs.clients.log_reader import read_log
 from programs.contactctl import contactctl
+from tests.fake_daemon import state_at
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
@@ -27,6 +28,20 @@ def contactctl_process(fake_daemon: Any, *arguments: str, **options: Any) -> Any
     program = "from programs.contactctl.contactctl import main; main()"
     command = [sys.executable, "-c", program, "--socket", str(fake_daemon.path), *arguments]
     return subprocess.Popen(command, cwd=ROOT, **options)
+
+
+@contextmanager
+def watched(fake_daemon: Any, **environment: str) -> Iterator[tuple[Any, int]]:
+    """`contactctl watch` on a terminal: the process, and the terminal's descriptor."""
+    ours, theirs = pty.openpty()
+    own = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
+    own |= {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30", **environment}
+    at = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+    process = contactctl_process(fake_daemon, "watch", **at, env=own)
+    read_until(ours, b"LWristPitch")
+    yield process, ours
+    os.close(ours)
+    os.close(theirs)
 
 
 def read_until(descriptor: int, word: bytes) -> bytes:
@@ -76,11 +91,11 @@ def test_record_takes_a_suffix_in_any_case(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("keep_signals")
-def test_record_says_what_the_daemon_did(
-    run: Run, fake_daemon: Any, tmp_path: Path, make_state: Callable[..., State]
+def test_record_reports_that_the_daemon_fell_silent(
+    run: Run, fake_daemon: Any, tmp_path: Path
 ) -> None:
     end = fake_daemon.tick + 300
-    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    fake_daemon.states = lambda tick: state_at(tick) if tick < end else None
     result = run("--json", "record", str(tmp_path / "made.mcap"))
     assert result.exit_code == 69
     assert result.stderr == "contactctl: the daemon fell silent\n"
@@ -88,7 +103,7 @@ def test_record_says_what_the_daemon_did(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_finishes_the_recording(fake_daemon: Any, tmp_path: Path, number: int) -> None:
+def test_a_signal_finishes_the_recording(fake_daemon: Any, tmp_path: Path, number: int) -> None:
     path = tmp_path / "made.mcap"
     process = contactctl_process(
         fake_daemon, "record", str(path), stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -110,49 +125,32 @@ def test_signal_finishes_the_recording(fake_daemon: Any, tmp_path: Path, number:
 
 @pytest.mark.parametrize("no_color", [False, True])
 def test_watch_on_a_terminal(fake_daemon: Any, no_color: bool) -> None:
-    ours, theirs = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-    environment.pop("NO_COLOR", None)
-    if no_color:
-        environment["NO_COLOR"] = "1"
-    process = contactctl_process(
-        fake_daemon, "watch", stdin=theirs, stdout=theirs, stderr=theirs, env=environment
-    )
-    seen = read_until(ours, b"LWristPitch")
-    seen += read_until(ours, b"missed")
-    process.send_signal(signal.SIGINT)
-    seen += read_until(ours, b"\x1b[?1049l")  # leaves the alternate screen
-    assert process.wait(10) == 0
+    with watched(fake_daemon, **({"NO_COLOR": "1"} if no_color else {})) as (process, terminal):
+        seen = read_until(terminal, b"missed")
+        process.send_signal(signal.SIGINT)
+        seen += read_until(terminal, b"\x1b[?1049l")  # leaves the alternate screen
+        assert process.wait(10) == 0
     assert b"Traceback" not in seen
     assert (b"\x1b[1;31m" in seen or b"[32m" in seen) is not no_color
-    os.close(ours)
-    os.close(theirs)
 
 
 @pytest.mark.parametrize("how", ["silent", "gone"])
-def test_watch_says_what_was_known_last(fake_daemon: Any, how: str) -> None:
-    ours, theirs = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-    process = contactctl_process(
-        fake_daemon, "watch", stdin=theirs, stdout=theirs, stderr=theirs, env=environment
-    )
-    read_until(ours, b"LWristPitch")
-    if how == "silent":
-        fake_daemon.states = lambda tick: None
-        seen = read_until(ours, b"was ")
-        seen += read_until(ours, b"no data for")
-        assert b"\x1b[?1049l" not in seen  # in good time: the picture is still there
-        why = b"the daemon fell silent"
-    else:
-        fake_daemon.stopped.set()
-        why = b"no contactd serves"
-    seen = read_until(ours, b"use the emergency stop if")
+def test_watch_reports_the_last_known_state(fake_daemon: Any, how: str) -> None:
+    with watched(fake_daemon) as (process, terminal):
+        if how == "silent":
+            fake_daemon.states = lambda tick: None
+            seen = read_until(terminal, b"was ")
+            seen += read_until(terminal, b"no data for")
+            assert b"\x1b[?1049l" not in seen  # in good time: the picture is still there
+            why = b"the daemon fell silent"
+        else:
+            fake_daemon.stopped.set()
+            why = b"no contactd serves"
+        seen = read_until(terminal, b"use the emergency stop if")
+        assert process.wait(10) == 69
     seen = seen[seen.rindex(b"\x1b[?1049l") :]
     assert why in seen
     assert b"last known: " in seen
-    assert process.wait(10) == 69
-    os.close(ours)
-    os.close(theirs)
 
 
 def test_watch_json_ends_with_its_pipe(fake_daemon: Any) -> None:

@@ -1,4 +1,4 @@
-"""Forces felt over all poses, in `contactd check`."""
+"""Forces detected over all poses, in `contactd check`."""
 
 import re
 
@@ -10,7 +10,7 @@ from daemon.config.load import load_robot
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
 
 
-def test_a_bar_is_felt_alike_in_every_pose() -> None:
+def test_a_bar_has_the_same_sensitivity_in_every_pose() -> None:
     """A level of 0.5 Nm, a quarter more while the side is unknown, at 0.2 m. In motion friction may
     be off by half; at rest all of it may hide something, and 0.9 of it comes to that."""
     robot = load_robot(SINGLE_JOINT)
@@ -29,16 +29,18 @@ def test_a_bar_is_felt_alike_in_every_pose() -> None:
     assert resting == f"  at rest    {least:.1f} to {least:.1f} N at best; {nothing}"
 
 
-@pytest.mark.parametrize(("folder", "deaf"), [(ROMEO, False), (DESK_ARM, True)])
-def test_the_worst_is_worse_than_the_best(folder, deaf: bool) -> None:
+@pytest.mark.parametrize(("folder", "blind"), [(ROMEO, False), (DESK_ARM, True)])
+def test_the_least_sensitive_direction_needs_more_force_than_the_most_sensitive(
+    folder, blind: bool
+) -> None:
     robot = load_robot(folder)
     for line in sensitivity_over_poses(robot.configuration, robot.model)[1:]:
         low, high, usual, rare = map(float, re.findall(r"([\d.]+) (?:to|N)", line))
         assert low <= high < usual < rare
-        assert ("not detected" in line) == deaf
+        assert ("not detected" in line) == blind
 
 
-def test_more_speed_needs_more_force() -> None:
+def test_a_level_that_grows_with_speed_needs_more_force() -> None:
     robot = load_robot(SINGLE_JOINT)
     (joint,) = robot.configuration.joints
     levels = msgspec.structs.replace(joint.thresholds, per_speed=0.5)

@@ -8,23 +8,36 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, SINGLE_JOINT
 from programs.contactd import check as check_module
 from programs.contactd.check import print_check
-from programs.contactd.contactd import main
 from tests.golden_words import same_words
-
-GOLDEN = Path(__file__).with_name("golden")
+from tests.programs.contactd.drafting import GOLDEN, contactd
 
 
 def check(folder: Path):
-    return CliRunner().invoke(main, ["check", str(folder)], catch_exceptions=False)
+    return contactd("check", folder, catch_exceptions=False)
+
+
+def copied(arm: Path, tmp_path: Path, old: str = "", new: str = "") -> Path:
+    """config.yaml of a copy of an arm, with another text; Romeo, to which it may refer, beside."""
+    for folder in {arm, ROMEO}:
+        shutil.copytree(folder, tmp_path / folder.name)
+    config = tmp_path / arm.name / "config.yaml"
+    text = config.read_text()
+    assert old in text
+    config.write_text(text.replace(old, new))
+    return config
+
+
+def unidentified(config: Path) -> None:
+    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
+    (config.parent / "identified.yaml").unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize("arm", [DESK_ARM, OPENARM, ROMEO], ids=lambda arm: arm.name)
-def test_its_words(arm, monkeypatch):
+def test_words_of_the_check(arm, monkeypatch):
     """Drives with one encoder, with two, and motors. By hand, of the desk arm: SYNC has 55
     bits, TPDOs of a drive 95 and 115, RPDOs 75 and 95, heartbeats 65, 25 a second from each of
     three; gravity of the swing is that of 0.8 kg at 0.15 m, 1.3 rad off the vertical."""
@@ -36,7 +49,7 @@ def test_its_words(arm, monkeypatch):
 
 
 def test_a_field_is_explained():
-    result = CliRunner().invoke(main, ["check", "--explain", "joints[1] (swing).wiring.gear"])
+    result = contactd("check", "--explain", "joints[1] (swing).wiring.gear")
     assert result.exit_code == 0
     first, find, typical = result.output.splitlines()
     assert first == (
@@ -44,8 +57,8 @@ def test_a_field_is_explained():
     )
     assert find.startswith("  how to find it: data sheets")
     assert typical.startswith("  typical: 30 to 200")
-    assert CliRunner().invoke(main, ["check", "--explain", "nose"]).exit_code == 78
-    assert CliRunner().invoke(main, ["check"]).exit_code == 2
+    assert contactd("check", "--explain", "nose").exit_code == 78
+    assert contactd("check").exit_code == 2
 
 
 @pytest.mark.parametrize(
@@ -57,8 +70,8 @@ def test_a_field_is_explained():
         ("version", "1"),
     ],
 )
-def test_the_values_of_a_field_are_named(field: str, allowed: str) -> None:
-    result = CliRunner().invoke(main, ["check", "--explain", field])
+def test_the_allowed_values_of_a_field_are_listed(field: str, allowed: str) -> None:
+    result = contactd("check", "--explain", field)
     assert f"\n  allowed: {allowed}\n" in result.output
 
 
@@ -67,7 +80,7 @@ def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(check_module, "print_check", interrupted)
-    result = CliRunner().invoke(main, ["check", str(DESK_ARM)])
+    result = contactd("check", DESK_ARM)
     assert (result.exit_code, result.output) == (130, "")
 
 
@@ -77,29 +90,45 @@ def test_ctrl_c_is_quiet_while_modules_are_imported() -> None:
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b"")
 
 
-def test_what_is_most_likely_not_meant_is_reported_and_good(tmp_path):
-    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
-    config = folder / "config.yaml"
-    config.write_text(config.read_text().replace("rotor_inertia: 0.03", "rotor_inertia: 3e-6"))
-    result = check(folder)
+@pytest.mark.parametrize(
+    ("arm", "old", "new", "reported"),
+    [
+        (
+            DESK_ARM,
+            "rotor_inertia: 0.03",
+            "rotor_inertia: 3e-6",
+            "joints[0] (column).rotor_inertia: 3e-06 kg m2 is less than a motor of 0.045 Nm has, "
+            "seen from the link (0.0003416 at least): is it that at the shaft? times gear^2 it is "
+            "0.03",
+        ),
+        (
+            SINGLE_JOINT,
+            "contact: 0.5, collision: 4.0, least: 0.1",
+            "contact: 4.3, collision: 6.0, least: 0.86",
+            "joints[0] (joint).thresholds.contact: 4.3 Nm is near the end of the possible range: "
+            "0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times "
+            "max_current_A): above, it pushes with nearly its full torque before a contact is "
+            "detected; below, noise of its current is detected as a contact",
+        ),
+    ],
+    ids=["inertia at the shaft", "level near its bound"],
+)
+def test_a_likely_mistake_is_reported_with_its_line_and_the_configuration_is_good(
+    tmp_path, arm, old, new, reported
+):
+    config = copied(arm, tmp_path, old, new)
+    result = check(config.parent)
     assert result.exit_code == 0
-    (reported,) = [
-        line for line in result.output.splitlines() if "config.yaml:" in line and "at the" in line
-    ]
-    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "3e-6" in x)
-    assert reported == (
-        f"{config}:{line}: joints[0] (column).rotor_inertia: 3e-06 kg m2 is less than a motor of "
-        "0.045 Nm has, seen from the link (0.0003416 at least): is it that at the shaft? times "
-        "gear^2 it is 0.03"
-    )
+    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if new in x)
+    found = [x for x in result.output.splitlines() if re.match(f"{config}:[0-9]", x)]
+    assert found == [f"{config}:{line}: {reported}"]
     assert result.output.endswith("config.yaml: good\n")
+    assert reported not in check(arm).output
 
 
-def test_a_refusal_ends_with_what_is_most_likely_behind_it(tmp_path):
-    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
-    config = folder / "config.yaml"
-    config.write_text(config.read_text().replace("torque_constant: 3.0", "torque_constant: 0.03"))
-    result = check(folder)
+def test_a_refusal_ends_with_its_most_likely_cause(tmp_path):
+    config = copied(DESK_ARM, tmp_path, "torque_constant: 3.0", "torque_constant: 0.03")
+    result = check(config.parent)
     assert result.exit_code == 78
     *refused, likely = result.output.splitlines()
     assert all("is outside the possible range" in line for line in refused)
@@ -107,11 +136,9 @@ def test_a_refusal_ends_with_what_is_most_likely_behind_it(tmp_path):
 
 
 @pytest.mark.parametrize("bitrate", [100_000, 10_000])
-def test_what_does_not_fit_the_bitrate_is_refused(tmp_path, bitrate):
-    for path in DESK_ARM.iterdir():
-        text = path.read_text()
-        (tmp_path / path.name).write_text(text.replace("bitrate: 500000", f"bitrate: {bitrate}"))
-    result = check(tmp_path)
+def test_a_bus_load_above_the_bitrate_is_refused(tmp_path, bitrate):
+    config = copied(DESK_ARM, tmp_path, "bitrate: 500000", f"bitrate: {bitrate}")
+    result = check(config.parent)
     assert result.exit_code == 78
     assert f"bus.bitrate: bus load {1.7275 * 50_000 / bitrate:.0%} at {bitrate} bit/s" in (
         result.output
@@ -134,8 +161,7 @@ def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
 
 def scaled_urdf(folder: Path, tmp_path: Path, attribute: str, factor: float) -> Path:
     """A copy of an arm, all figures of one attribute of its URDF larger by a factor."""
-    copy = shutil.copytree(folder, tmp_path / "arm")
-    urdf = copy / "arm.urdf"
+    urdf = copied(folder, tmp_path).with_name("arm.urdf")
     urdf.write_text(
         re.sub(
             rf'({attribute}=")([^"]*)',
@@ -143,7 +169,7 @@ def scaled_urdf(folder: Path, tmp_path: Path, attribute: str, factor: float) -> 
             urdf.read_text(),
         )
     )
-    return copy
+    return urdf.parent
 
 
 @pytest.mark.parametrize("scaled", ["mass value", "xyz"])
@@ -159,7 +185,7 @@ def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
     assert "joint column: gravity" not in result.output  # it is upright
 
 
-def test_an_arm_that_its_motors_cannot_hold_everywhere_is_reported(tmp_path):
+def test_motors_too_weak_for_gravity_in_some_poses_are_reported(tmp_path):
     result = check(scaled_urdf(DESK_ARM, tmp_path, "mass value", 5.0))
     assert result.exit_code == 0
     *_, exchange, warning, refused, good = result.output.splitlines()
@@ -172,37 +198,11 @@ def test_an_arm_that_its_motors_cannot_hold_everywhere_is_reported(tmp_path):
     assert good.endswith("config.yaml: good")
 
 
-def test_what_comes_near_its_bounds_is_reported_with_its_line(tmp_path):
-    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
-    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
-    config = folder / "config.yaml"
-    levels = "contact: 0.5, collision: 4.0, least: 0.1"
-    assert levels in config.read_text()
-    config.write_text(
-        config.read_text().replace(levels, "contact: 4.3, collision: 6.0, least: 0.86")
-    )
-    result = check(folder)
-    assert result.exit_code == 0
-    *_, warning, good = result.output.splitlines()
-    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
-    assert warning == (
-        f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm is near the end of the "
-        "possible range: 0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times "
-        "max_current_A): above, it pushes with nearly its full torque before a contact is "
-        "detected; below, noise of its current is detected as a contact"
-    )
-    assert good.endswith("config.yaml: good")
-    assert "near the end of" not in check(SINGLE_JOINT).output
-
-
-def test_what_arm_would_refuse_is_reported(tmp_path):
-    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
-    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
-    config = folder / "config.yaml"
+def test_missing_identification_that_arming_refuses_is_reported(tmp_path):
+    config = copied(SINGLE_JOINT, tmp_path)
     assert "will be refused" not in check(SINGLE_JOINT).output
-    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
-    (folder / "identified.yaml").unlink()
-    result = check(folder)
+    unidentified(config)
+    result = check(config.parent)
     assert result.exit_code == 0
     *_, wiring, friction, thresholds, good = result.output.splitlines()
     for line, what in ((wiring, "wiring"), (friction, "friction"), (thresholds, "thresholds")):
@@ -211,25 +211,23 @@ def test_what_arm_would_refuse_is_reported(tmp_path):
     assert good.endswith("config.yaml: good")
 
 
-def test_doubt_about_where_shapes_are_is_said(tmp_path):
-    folder = Path(shutil.copytree(DESK_ARM, tmp_path / "arm"))
+def test_doubt_about_the_place_of_shapes_is_reported(tmp_path):
+    config = copied(DESK_ARM, tmp_path)
+    folder = config.parent
     assert "zeros of" not in check(folder).output
-    CliRunner().invoke(main, ["shapes", str(folder)], catch_exceptions=False)
+    contactd("shapes", folder, catch_exceptions=False)
     lines = [line for line in check(folder).output.splitlines() if line.startswith("shapes: ")]
     assert len(lines) == 2
     assert "zeros of column, swing" in lines[1]
     assert "`contactd identify zero`" in lines[1]
-    config = folder / "config.yaml"
-    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
-    (folder / "identified.yaml").unlink(missing_ok=True)
+    unidentified(config)
     assert "none is guarded until" in check(folder).output
 
 
 def test_the_source_of_each_level_is_shown(tmp_path):
     """A stated level, a floor beside an identified one, and a draft's."""
-    folder = shutil.copytree(ROMEO, tmp_path / "arm")
-    config = folder / "config.yaml"
-    text = config.read_text().replace("    known: *simulated\n", "").replace("st: 0.1}", "st: 0.2}")
+    config = copied(ROMEO, tmp_path, "    known: *simulated\n")
+    folder, text = config.parent, config.read_text().replace("st: 0.1}", "st: 0.2}")
     config.write_text(re.sub(r"known: &simulated .*", "known: {thresholds: mine}", text))
     levels = "{contact: 0.9, collision: 5.0}"
     entry = f"{{date: 2026-01, log: '', per_hour: 1, largest: 1, thresholds: {levels}}}"
@@ -247,26 +245,26 @@ def test_the_source_of_each_level_is_shown(tmp_path):
         f"{config}:37: joints[0] (LShoulderPitch).thresholds.contact: 0.8 Nm is stated in "
         "config.yaml and in force; 0.9 Nm, identified on 2026-01 (identified.yaml), is not used"
     )
-    shown = CliRunner().invoke(main, ["identify", "--config", str(folder)], env={"COLUMNS": "200"})
+    shown = contactd("identify", "--config", folder, env={"COLUMNS": "200"})
     assert "known: mine (0.9 Nm is not used)" in shown.output
 
 
-def test_a_link_that_a_box_holds_in_all_poses_is_said(tmp_path):
-    folder = Path(shutil.copytree(ROMEO, tmp_path / "arm"))
+def test_a_link_inside_a_box_in_all_poses_is_reported(tmp_path):
+    folder = copied(ROMEO, tmp_path).parent
     around = "boxes: {post: {centre: [0, 0, 0], size: [0.4, 1, 1.2]}}"
     (folder / "surroundings.yaml").write_text(f"version: 1\n{around}\n")
-    CliRunner().invoke(main, ["shapes", str(folder), "--single"], catch_exceptions=False)
+    contactd("shapes", folder, "--single", catch_exceptions=False)
     lines = check(folder).output.splitlines()
     (line,) = [line for line in lines if line.startswith("surroundings: post ")]
     assert "LShoulderPitch, LShoulderYaw" in line
     assert "LWristPitch" not in line
 
 
-def test_a_plane_that_was_turned_after_the_fit_is_said(tmp_path):
-    folder = Path(shutil.copytree(ROMEO, tmp_path / "arm"))
+def test_a_plane_turned_after_the_fit_is_reported(tmp_path):
+    folder = copied(ROMEO, tmp_path).parent
     for normal, held in ((1, False), (-1, True)):
         plane = f"planes: {{table: {{point: [0, 0, -0.6], normal: [0, 0, {normal}]}}}}"
         (folder / "surroundings.yaml").write_text(f"version: 1\n{plane}\n")
         if not held:
-            CliRunner().invoke(main, ["shapes", str(folder), "--single"], catch_exceptions=False)
+            contactd("shapes", folder, "--single", catch_exceptions=False)
         assert ("surroundings: table holds LElbowRoll" in check(folder).output) is held

@@ -77,11 +77,11 @@ def test_a_measurement_is_read_only_and_mappable_and_no_object_is_taken_twice(ro
         ("motor_position", "Set/change the actual motor position", False),
     ],
 )
-def test_names(quantity, name, taken):
+def test_measurements_are_chosen_by_their_names(quantity, name, taken):
     choice = choose(sheet_of((0x2001, name, "ro", True)), quantity)
     assert (choice.chosen is not None) is taken
 
 
 @pytest.mark.parametrize("quantity", RULES)
-def test_an_empty_dictionary_has_nothing(quantity):
+def test_an_empty_dictionary_gives_no_choice(quantity):
     assert choose(sheet_of(), quantity).chosen is None

@@ -21,7 +21,7 @@ from programs.contactd.contactd import main
         (SystemExit(3), 3, "", ""),
     ],
 )
-def test_how_a_start_ends(
+def test_exit_status_of_a_start_that_ends(
     error: BaseException, status: int, first: str, last: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(_: object) -> None:
@@ -41,7 +41,7 @@ def test_no_command_starts_threads_of_numeric_libraries(monkeypatch: pytest.Monk
     assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
-def test_a_demo_is_recorded_to_no_file_that_exists(tmp_path: Path) -> None:
+def test_a_demo_does_not_overwrite_a_recording(tmp_path: Path) -> None:
     there = tmp_path / "there.mcap"
     there.write_text("precious")
     result = CliRunner().invoke(main, ["demo", "--record", str(there)])

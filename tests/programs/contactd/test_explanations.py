@@ -62,7 +62,7 @@ def test_a_field_is_found_by_its_place(field: str, found: list[str]) -> None:
 
 
 @pytest.mark.parametrize("field", ["", "xylophone", "[1]", "joints[1].xylophone"])
-def test_what_is_not_explained_is_refused_with_what_is(field: str) -> None:
+def test_an_unknown_field_is_refused_with_the_known_ones(field: str) -> None:
     with pytest.raises(ConfigurationError, match=r"no such field .* rotor_inertia.*configuration"):
         explain(field)
 
@@ -76,7 +76,7 @@ def test_what_is_not_explained_is_refused_with_what_is(field: str) -> None:
         ("half-gap", "half_gap"),
     ],
 )
-def test_a_slip_of_the_pen_is_asked_about(field: str, meant: str) -> None:
+def test_a_misspelt_field_gets_a_suggestion(field: str, meant: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         explain(field)
     asked, _, rest = str(caught.value).partition("?")

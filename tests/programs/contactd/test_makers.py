@@ -5,22 +5,19 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
-from click.testing import CliRunner
 
-from bench.rigs.lockstep import DESK_ARM, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM
 from bench.rigs.makers import RIGHT, USABLE, Maker, makers, wrong
 from bench.study.mistakes import reported
 from common.errors import ConfigurationError
 from daemon.config.load import load_robot
 from drivers.canopen.boot.data_sheet import load_data_sheet
-from programs.contactd.contactd import main
 from programs.contactd.drafts.drive import choices_of, drafted_drive
 from programs.simulate.simulated_robot import supplied_values, true_arm
 from simulator.truth import SimulationFile
 from tests.golden_words import same_words
+from tests.programs.contactd.drafting import GOLDEN, config_of, contactd, rehearsal
 
-GOLDEN = Path(__file__).with_name("golden")
 ALL = makers()
 ONE_ENCODER = ALL["nanotec_cl4e"].without(0x60E4, 0x60E5)
 
@@ -28,9 +25,8 @@ ONE_ENCODER = ALL["nanotec_cl4e"].without(0x60E4, 0x60E5)
 def new(folder: Path, maker: Maker, *words: str):
     eds = folder / "drive.eds"
     eds.write_text(maker.eds())
-    urdf = str(DESK_ARM / "arm.urdf")
-    command = ["new", str(folder / "mine"), "--urdf", urdf, "--eds", f"servo={eds}", *words]
-    return CliRunner().invoke(main, command)
+    urdf = DESK_ARM / "arm.urdf"
+    return contactd("new", folder / "mine", "--urdf", urdf, "--eds", f"servo={eds}", *words)
 
 
 def line_of(folder: Path, quantity: str) -> str:
@@ -45,7 +41,7 @@ def test_objects_are_right_or_asked_for(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", [*ALL, "one encoder"])
-def test_its_words(name, tmp_path):
+def test_words_of_a_refusal_or_a_draft(name, tmp_path):
     """A refusal with its reasons, which leaves nothing; or the draft: runners-up, units of the EDS,
     that nothing is a link encoder, and what the simulation supplied."""
     result = new(tmp_path, ALL.get(name, ONE_ENCODER))
@@ -69,23 +65,22 @@ def test_a_usable_drive_is_drafted_checked_and_rehearsed(maker, tmp_path):
     assert "servo: can be used" in result.output
     said = reported(tmp_path / "mine")
     assert (said.refused, said.lines) == (False, [])
-    with lockstep_rig(tmp_path / "mine", described=lambda robot, _: true_arm(robot)[0]) as rig:
-        rig.enable()
+    with rehearsal(tmp_path / "mine") as rig:
         rig.run(1.0)
         assert rig.tick.controller.machine.mode == "holding"
 
 
-def test_the_user_knows_of_a_link_encoder_on_0x6064(tmp_path):
+def test_a_link_encoder_on_0x6064_can_be_named_by_the_user(tmp_path):
     assert new(tmp_path, ONE_ENCODER, "--object", "link_position=0x6064").exit_code == 0
     assert "2 pi / counts per turn of the link's encoder" in line_of(tmp_path, "link_position")
-    written = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    written = config_of(tmp_path / "mine")
     # 0x6063 is the same encoder in its own counts.
     assert "motor_position" not in written["drives"]["servo"]
     assert all(joint["half_gap"] > 0 for joint in written["joints"])
     assert "link_encoder" not in (tmp_path / "mine" / "simulation.yaml").read_text()
 
 
-def test_0x6064_beside_a_motors_encoder_may_be_the_links(tmp_path):
+def test_0x6064_beside_a_motors_encoder_is_taken_for_the_links_with_doubt(tmp_path):
     (tmp_path / "drive.eds").write_text(ALL["zeroerr_edriver"].without(0x20A0).eds())
     choices = choices_of(load_data_sheet(tmp_path / "drive.eds"), {})
     assert choices["link_position"].chosen.where == (0x6064, 0)
@@ -106,7 +101,7 @@ def test_0x6064_beside_a_motors_encoder_may_be_the_links(tmp_path):
         ("current=many", "must be [NAME.]QUANTITY=INDEX[:SUB] in hexadecimal"),
     ],
 )  # fmt: skip
-def test_objects_that_the_user_names(named, says, tmp_path):
+def test_an_object_that_the_user_names_is_drafted_or_refused(named, says, tmp_path):
     result = new(tmp_path, ALL["maxon_epos4"], "--object", named)
     if result.exit_code == 0:
         assert says in line_of(tmp_path, "current")
@@ -114,7 +109,7 @@ def test_objects_that_the_user_names(named, says, tmp_path):
         assert says in " ".join(result.output.split())
 
 
-def test_a_refusal_says_what_was_looked_at_and_how_to_name_it(tmp_path):
+def test_a_refusal_lists_the_objects_considered_and_the_option_to_name_one(tmp_path):
     (tmp_path / "drive.eds").write_text(ALL["maxon_epos4"].without(0x30D1, 0x30D2, 0x6077).eds())
     with pytest.raises(ConfigurationError) as refused:
         drafted_drive(load_data_sheet(tmp_path / "drive.eds"), "drive.eds")
@@ -126,7 +121,7 @@ def test_a_refusal_says_what_was_looked_at_and_how_to_name_it(tmp_path):
     assert "name it by --object current=0xINDEX:SUB, if its manual has one" in said
 
 
-def test_the_check_says_that_a_measurement_can_be_written_and_that_modes_are_unknown(tmp_path):
+def test_the_check_reports_a_writable_measurement_and_unknown_modes(tmp_path):
     assert new(tmp_path, ALL["maxon_epos4"]).exit_code == 0
     config = tmp_path / "mine" / "config.yaml"
     text, found = re.subn(
@@ -135,7 +130,7 @@ def test_the_check_says_that_a_measurement_can_be_written_and_that_modes_are_unk
     )  # fmt: skip
     assert found == 1
     config.write_text(text)
-    said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
+    said = " ".join(contactd("check", tmp_path / "mine").output.split())
     assert (
         "0x30B2:00 (Current threshold for homing mode) can be written (access rww): a parameter, "
         "not a measurement, unless the manual says otherwise"

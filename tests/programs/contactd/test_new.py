@@ -6,24 +6,33 @@ from pathlib import Path
 
 import pytest
 import yaml
-from click.testing import CliRunner
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
-from bench.rigs.lockstep import DESK_ARM, ROMEO, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.study.mistakes import reported
-from programs.contactd.contactd import main
-from programs.simulate.simulated_robot import true_arm
 from tests.golden_words import same_words
+from tests.programs.contactd.drafting import GOLDEN, config_of, contactd, each, rehearsal
 
-GOLDEN = Path(__file__).with_name("golden")
+EACH_MAKE = pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
 
 
-def new(folder: Path, urdf: Path, *sheets: str):
-    words = ["new", str(folder), "--urdf", str(urdf)]
-    for sheet in sheets:
-        words += ["--eds", sheet]
-    return CliRunner().invoke(main, words)
+def new(folder: Path, urdf: Path, *sheets: object):
+    return contactd("new", folder, "--urdf", urdf, *each("--eds", *sheets))
+
+
+def new_of_texts(folder: Path, arm: Path, urdf: str = "", eds: str = ""):
+    """Result of `new` for folder/mine: a shipped arm with another URDF or data sheet."""
+    (folder / "arm.urdf").write_text(urdf or (arm / "arm.urdf").read_text())
+    (folder / "drive.eds").write_text(eds or (arm / "drive.eds").read_text())
+    return new(folder / "mine", folder / "arm.urdf", folder / "drive.eds")
+
+
+def drafted(folder: Path, arm: Path, **texts: str):
+    """Configuration that `new_of_texts` drafts."""
+    result = new_of_texts(folder, arm, **texts)
+    assert result.exit_code == 0, result.output
+    return config_of(folder / "mine")
 
 
 def in_millimetres(urdf: str) -> str:
@@ -52,12 +61,12 @@ def given(tmp_path: Path):
     return draft
 
 
-@pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
+@EACH_MAKE
 def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, given):
     folder, arm = given(seed), generate(seed)
     said = reported(folder)
     assert (said.refused, said.lines) == (False, [])
-    written = yaml.safe_load((folder / "config.yaml").read_text())
+    written = config_of(folder)
     assert [joint["name"] for joint in written["joints"]] == list(arm.names)
     drive = written["drives"]["servo"]
     for name, quantity in arm.make.quantities.items():
@@ -65,17 +74,16 @@ def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, 
         assert (found["object"], found.get("subindex", 0), found["type"]) == (
             quantity.index, quantity.subindex, quantity.type,
         ), name  # fmt: skip
-    if "motor_position" in arm.make.quantities and arm.make.quantities["motor_position"].index == (
-        0x6064
-    ):
-        assert drive["motor_position"]["scale"] == arm.make.quantities["motor_position"].scale
+    motor_position = arm.make.quantities.get("motor_position")
+    if motor_position and motor_position.index == 0x6064:
+        assert drive["motor_position"]["scale"] == motor_position.scale
     if arm.make.fixed_pdos:
         assert drive["tpdo"] == {n: list(e) for n, e in arm.make.tpdo.items()}
         assert drive["rpdo"] == {n: list(e) for n, e in arm.make.rpdo.items()}
 
 
-@pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
-def test_its_words(seed, given):
+@EACH_MAKE
+def test_words_of_a_draft_of_each_make(seed, given):
     """Guesses of a data sheet are marked CHECK, those of the URDF name the step that finds them."""
     words = (given(seed) / "config.yaml").read_text()
     same_words(GOLDEN / f"new_{MAKES[seed].name}.txt", words)
@@ -86,46 +94,38 @@ def test_words_of_drives_of_several_makes(tmp_path):
     one, other = (tmp_path / f"{MAKES[i].name}.eds" for i in (0, 4))
     one.write_text(MAKES[0].eds())
     other.write_text(MAKES[4].eds())
-    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(one), f"small={other}")
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", one, f"small={other}")
     assert result.exit_code == 0, result.output
     words = result.output + (tmp_path / "mine" / "config.yaml").read_text()
     same_words(GOLDEN / "new_of_two_makes.txt", words.replace(str(tmp_path), "HERE"))
     assert reported(tmp_path / "mine").lines == []
 
 
-def test_an_object_that_no_pdo_takes_is_passed_over(tmp_path):
+def test_an_object_that_cannot_be_mapped_is_not_chosen(tmp_path):
     text = (ROMEO / "drive.eds").read_text()
     text, count = re.subn(r"(?s)(\[60E4sub1\].*?PDOMapping=)1", r"\g<1>0", text, count=1)
     assert count
-    (tmp_path / "drive.eds").write_text(text)
-    assert new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds")).exit_code == 0
-    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    drive = drafted(tmp_path, ROMEO, eds=text)["drives"]["drive"]
     assert drive["link_position"]["object"] == 0x6064
     assert "motor_position" not in drive
 
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_draft_can_be_rehearsed_at_once(seed, given):
-    folder = given(seed)
-    with lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0]) as rig:
-        rig.enable()
+    with rehearsal(given(seed)) as rig:
         rig.run(1.0)
         assert rig.tick.controller.machine.mode == "holding"
 
 
 @pytest.mark.parametrize("folder", [ROMEO, DESK_ARM], ids=lambda f: f.name)
 def test_shipped_arms_can_be_drafted(folder, tmp_path):
-    result = new(tmp_path / "mine", folder / "arm.urdf", str(folder / "drive.eds"))
-    assert result.exit_code == 0, result.output
-    assert list(yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]) == [
-        "drive"
-    ]
+    assert list(drafted(tmp_path, folder)["drives"]) == ["drive"]
     assert reported(tmp_path / "mine").lines == []
 
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine").mkdir()
-    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(ROMEO / "drive.eds"))
+    result = new_of_texts(tmp_path, ROMEO)
     assert result.exit_code == 78
     assert "exists: it is never overwritten" in result.output
     assert list((tmp_path / "mine").iterdir()) == []
@@ -159,11 +159,9 @@ def test_nothing_is_overwritten(tmp_path):
          "when the master falls silent\n"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_path):
-    urdf, eds = edit((ROMEO / "arm.urdf").read_text(), (ROMEO / "drive.eds").read_text())
-    (tmp_path / "arm.urdf").write_text(urdf)
-    (tmp_path / "drive.eds").write_text(eds)
-    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(tmp_path / "drive.eds"))
+def test_a_draft_of_wrong_files_is_refused_and_nothing_is_left(edit, says, tmp_path):
+    texts = edit((ROMEO / "arm.urdf").read_text(), (ROMEO / "drive.eds").read_text())
+    result = new_of_texts(tmp_path, ROMEO, *texts)
     assert result.exit_code == 78, result.output
     assert re.search(says, result.output), result.output
     assert not (tmp_path / "mine").exists()
@@ -172,13 +170,12 @@ def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_p
 def test_limits_in_degrees_are_reported_at_once(tmp_path):
     urdf = (DESK_ARM / "arm.urdf").read_text().replace('lower="-1.6" upper="1.6"',
                                                        'lower="-92" upper="92"')  # fmt: skip
-    (tmp_path / "arm.urdf").write_text(urdf)
-    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
+    result = new_of_texts(tmp_path, DESK_ARM, urdf)
     assert result.exit_code == 0, result.output
     assert "arm.urdf, line 11: joint 'column': its <limit> of -92 to 92 rad" in result.output
 
 
-def test_the_check_says_how_many_guesses_are_left(given):
+def test_the_check_reports_how_many_guesses_are_left(given):
     folder = given(0)
     config = folder / "config.yaml"
     marked = config.read_text().count("# CHECK")
@@ -188,39 +185,36 @@ def test_the_check_says_how_many_guesses_are_left(given):
             i = next(i for i, line in enumerate(kept) if "# CHECK" in line)
             kept[i] = kept[i].partition("# CHECK")[0]
         config.write_text("\n".join(kept))
-        said = CliRunner().invoke(main, ["check", str(folder)]).output
+        said = contactd("check", folder).output
         assert (f"{left} lines still hold guesses (CHECK)" in said) is (left > 0), said
         assert ("guesses" in said) is (left > 0)
 
 
-def test_a_drive_without_cyclic_velocity_is_refused_and_the_check_says_it(tmp_path):
-    eds = DESK_ARM / "drive.eds"
-    assert new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(eds)).exit_code == 0
+def test_a_drive_without_cyclic_velocity_is_refused_and_the_check_reports_it(tmp_path):
+    drafted(tmp_path, DESK_ARM)
+    eds = tmp_path / "mine" / "drive.eds"
     text, found = re.subn(r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", eds.read_text())
     assert found == 1
-    for path in (tmp_path / "drive.eds", tmp_path / "mine" / "drive.eds"):
-        path.write_text(text)
-    refused = new(tmp_path / "other", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    eds.write_text(text)
+    refused = new(tmp_path / "other", DESK_ARM / "arm.urdf", eds)
     assert refused.exit_code == 78
     assert "its modes, 0x000000A5 in 0x6502, lack mode 9" in " ".join(refused.output.split())
-    said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
+    said = " ".join(contactd("check", tmp_path / "mine").output.split())
     assert "drives.drive.eds: drive.eds has 0x000000A5 in 0x6502, without bit 8 (mode 9" in said
 
 
 def test_a_sheet_given_again_is_of_the_next_joint_too(tmp_path):
     sheets = [f"{name}={ROMEO / 'drive.eds'}" for name in ("big", "big", "small")]
     assert new(tmp_path / "mine", ROMEO / "arm.urdf", *sheets).exit_code == 0
-    config = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
-    of_joint = [joint["wiring"]["profile"] for joint in config["joints"]]
+    of_joint = [joint["wiring"]["profile"] for joint in config_of(tmp_path / "mine")["joints"]]
     assert of_joint == ["big"] * 2 + ["small"] * 5
     truth = yaml.safe_load((tmp_path / "mine" / "simulation.yaml").read_text())
     assert not any({} in joint.values() for joint in truth["joints"])
 
 
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
-    eds = str(ROMEO / "drive.eds")
-    other = str(DESK_ARM / "drive.eds")
-    twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={other}")
+    urdf, eds, other = ROMEO / "arm.urdf", ROMEO / "drive.eds", DESK_ARM / "drive.eds"
+    twice = new(tmp_path / "mine", urdf, eds, f"drive={other}")
     assert (twice.exit_code, "two drives have the same name" in twice.output) == (78, True)
     missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
     assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)
@@ -238,7 +232,7 @@ def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
         ("arm.urdf/mine", "arm.urdf", ["one/drive.eds"], "mine cannot be created: Not a directory"),
     ],
 )
-def test_files_that_would_take_the_place_of_others_are_refused(
+def test_files_that_would_overwrite_others_are_refused(
     folder, urdf, sheets, says, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -260,14 +254,11 @@ def test_files_that_would_take_the_place_of_others_are_refused(
 def test_a_joint_may_have_any_name(name, tmp_path):
     urdf = (DESK_ARM / "arm.urdf").read_text()
     attribute = "".join(f"&#{ord(character)};" for character in name)
-    (tmp_path / "arm.urdf").write_text(urdf.replace('"column"', f'"{attribute}"'))
-    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
-    assert result.exit_code == 0, result.output
-    written = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    written = drafted(tmp_path, DESK_ARM, urdf=urdf.replace('"column"', f'"{attribute}"'))
     assert [joint["name"] for joint in written["joints"]] == [name, "swing"]
 
 
-def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
+def test_a_makers_own_current_is_a_guess_and_the_demand_is_not_chosen(tmp_path):
     text = (DESK_ARM / "drive.eds").read_text()
     text = re.sub(r"(?s)\[6077\].*?\n\n", "", text)
     for index, name in ((0x2010, "Motor current demand"), (0x2011, "Motor current actual")):
@@ -275,16 +266,14 @@ def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
             f"\n[{index:X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x3\n"
             "AccessType=ro\nPDOMapping=1\n"
         )
-    (tmp_path / "drive.eds").write_text(text)
-    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
-    assert result.exit_code == 0, result.output
+    drafted(tmp_path, DESK_ARM, eds=text)
     (line,) = re.findall(r".*current: {.*", (tmp_path / "mine" / "config.yaml").read_text())
     assert "0x2011" in line
     assert "# CHECK" in line
     assert line.endswith("mA are 0.001 / rated_current_A")
 
 
-def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):
+def test_fixed_pdos_that_repeat_an_object_are_not_used(tmp_path):
     """As makers fix them: the statusword in each."""
     text = (DESK_ARM / "drive.eds").read_text()
     for number, objects in enumerate(
@@ -294,27 +283,17 @@ def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):
             section = rf"(?s)(\[1A0{number}sub{sub}\].*?AccessType=)rw(.*?DefaultValue=)\w+"
             text, found = re.subn(section, rf"\g<1>const\g<2>0x{value:X}", text, count=1)
             assert found
-    (tmp_path / "drive.eds").write_text(text)
-    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
-    assert result.exit_code == 0, result.output
-    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
-    assert drive["tpdo"] == {
-        "1": ["statusword", "torque"],
-        "2": ["link_position", "motor_velocity"],
-    }
+    expected = {"1": ["statusword", "torque"], "2": ["link_position", "motor_velocity"]}
+    assert drafted(tmp_path, DESK_ARM, eds=text)["drives"]["drive"]["tpdo"] == expected
 
 
-def test_a_data_sheet_whose_resolution_is_no_number_says_none(tmp_path):
+def test_a_resolution_that_is_no_number_is_ignored(tmp_path):
     text = (ROMEO / "drive.eds").read_text()
-    for sub in range(3):
-        text = re.sub(rf"(?s)\[608Fsub{sub}\].*?\n\n", "", text)
-    text = re.sub(r"(?s)\[608F\].*?\n\n", "", text)
+    text = re.sub(r"(?s)\[608F(sub[0-2])?\].*?\n\n", "", text)
     text += "\n[608F]\nParameterName=Resolution\nObjectType=0x9\nSubNumber=3\n"
     for sub, kind, value in ((0, "0x5", "2"), (1, "0x9", "many"), (2, "0x9", "one")):
         text += (
             f"\n[608Fsub{sub}]\nParameterName=s\nObjectType=0x7\nDataType={kind}\n"
             f"AccessType=ro\nDefaultValue={value}\n"
         )
-    (tmp_path / "drive.eds").write_text(text)
-    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds"))
-    assert result.exit_code == 0, result.output
+    drafted(tmp_path, ROMEO, eds=text)

@@ -6,29 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO
 from bench.study.mistakes import reported
 from drivers.damiao.settings import MODELS, Model
-from programs.contactd.contactd import main
 from programs.contactd.drafts.motor import Load
 from programs.contactd.drafts.motors import MOST_SAG, gains
-from programs.simulate.simulated_robot import true_arm
 from tests.golden_words import same_words
-
-GOLDEN = Path(__file__).with_name("golden")
+from tests.programs.contactd.drafting import GOLDEN, config_of, contactd, each, rehearsal
 
 OF_JOINTS = ("DM8009", "DM8009", "DM4340", "DM4340", "DM4310", "DM4310", "DM4310")
 
 
 def new(folder: Path, urdf: Path, *words: str) -> Result:
-    return CliRunner().invoke(main, ["new", str(folder), "--urdf", str(urdf), *words])
+    return contactd("new", folder, "--urdf", urdf, *words)
 
 
 def drives(*given: str) -> list[str]:
-    return [word for one in given for word in ("--drive", one)]
+    return each("--drive", *given)
 
 
 @pytest.fixture
@@ -44,7 +40,7 @@ def openarm(tmp_path: Path) -> Path:
 def test_the_draft_has_the_makers_figures_and_passes_the_check(openarm: Path) -> None:
     said = reported(openarm)
     assert (said.refused, said.lines) == (False, [])
-    written = yaml.safe_load((openarm / "config.yaml").read_text())
+    written = config_of(openarm)
     assert {name: profile["model"] for name, profile in written["drives"].items()} == {
         model: model for model in OF_JOINTS
     }
@@ -60,14 +56,13 @@ def test_the_draft_has_the_makers_figures_and_passes_the_check(openarm: Path) ->
         assert joint["end"] == "hold"
 
 
-def test_its_words(openarm: Path) -> None:
+def test_words_of_the_draft(openarm: Path) -> None:
     """Guesses are marked CHECK, published figures are not."""
     same_words(GOLDEN / "new_openarm.txt", (openarm / "config.yaml").read_text())
 
 
 def test_the_draft_can_be_rehearsed_at_once(openarm: Path) -> None:
-    with lockstep_rig(openarm, described=lambda robot, _: true_arm(robot)[0]) as rig:
-        rig.enable()
+    with rehearsal(openarm) as rig:
         begun = rig.arm.plant.q.copy()
         rig.run(1.0)
         assert rig.tick.controller.machine.mode == "holding"
@@ -128,7 +123,7 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
         (drives(*8 * ["damiao:DM4340"]), "has only 7 joints"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_drafted_is_refused(words: list[str], says: str, tmp_path: Path) -> None:
+def test_a_wrong_choice_of_drives_is_refused(words: list[str], says: str, tmp_path: Path) -> None:
     result = new(tmp_path / "mine", OPENARM / "arm.urdf", *words)
     assert result.exit_code == 78, result.output
     assert says in " ".join(result.output.split())

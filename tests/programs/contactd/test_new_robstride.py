@@ -1,27 +1,18 @@
-"""`contactd new --drive` with RobStride motors, to an arm that is checked, and that holds."""
+"""`contactd new --drive` with RobStride motors: a draft that passes the check and holds."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 
-from bench.rigs.lockstep import BEAM, lockstep_rig
+from bench.rigs.lockstep import BEAM
 from daemon.modes.table import Mode
 from drivers.makes import guardian_of
 from drivers.robstride.settings import MODELS
-from programs.contactd.contactd import main
 from programs.contactd.drafts.motor import Load
 from programs.contactd.drafts.motors import model_of
-from programs.simulate.simulated_robot import true_arm
-
-
-def new(folder: Path, urdf: Path, *models: str):
-    words = ["new", str(folder), "--urdf", str(urdf)]
-    for model in models:
-        words += ["--drive", model]
-    return CliRunner().invoke(main, words)
+from tests.programs.contactd.drafting import config_of, contactd, each, rehearsal
 
 
 def test_a_draft_is_good_and_its_arm_holds(tmp_path: Path) -> None:
@@ -29,20 +20,19 @@ def test_a_draft_is_good_and_its_arm_holds(tmp_path: Path) -> None:
         tmp_path / "mine",
         ["robstride:RS02"] * 2 + ["RobStride:rs00", "robstride:EL05"],
     )
-    result = new(folder, BEAM / "arm.urdf", *models)
+    result = contactd("new", folder, "--urdf", BEAM / "arm.urdf", *each("--drive", *models))
     assert result.exit_code == 0, result.output
     assert result.output.count("can be used") == 3
-    checked = CliRunner().invoke(main, ["check", str(folder)])
+    checked = contactd("check", folder)
     assert checked.exit_code == 0, checked.output
     assert "contactd guard" in checked.output
-    written = yaml.safe_load((folder / "config.yaml").read_text())
+    written = config_of(folder)
     assert [joint["wiring"]["profile"] for joint in written["joints"]][-1] == "EL05"
     assert written["estimator"]["link_velocity"] == "motor"
     assert all("gap" in joint["known"] for joint in written["joints"])
     assert [joint["half_gap"] for joint in written["joints"]] == [0] * 6
-    with lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0]) as rig:
+    with rehearsal(folder) as rig:
         assert guardian_of(rig.robot.configuration.joint_drives)
-        rig.enable()
         rig.run(0.5)
         before = rig.arm.plant.q.copy()
         rig.run(1.5)

@@ -64,7 +64,7 @@ def story_of(states, touch, folder=ROMEO):
     return RunFigures(configuration, snapshot, states, touch)
 
 
-def test_the_story_that_happened_passes(played):
+def test_the_complete_story_passes(played):
     story = story_of(*played)
     assert [c.what for c in story.checks() if not c.happened] == []
     (figure,) = (c.figure for c in story.checks() if c.what == "no false contact")
@@ -77,7 +77,7 @@ def test_the_story_that_happened_passes(played):
     assert report["contacts"][0]["joint"] == "LShoulderPitch"
 
 
-def test_without_a_press_no_force_is_said(played):
+def test_no_force_is_reported_without_a_press(played):
     assert story_of(*played).force("l_wrist") == ""
 
 
@@ -162,5 +162,5 @@ def test_touch_needs_a_begin_and_a_release():
         (False, 6, "it failed: this computer was too busy, 6 deadlines were missed; try again"),
     ],
 )
-def test_a_machine_that_was_late_is_said_so(passed: bool, missed: int, says: str) -> None:
+def test_missed_ticks_of_the_machine_are_reported(passed: bool, missed: int, says: str) -> None:
     assert Text.from_markup(verdict(passed, missed)).plain == says

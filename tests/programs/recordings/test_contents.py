@@ -1,7 +1,6 @@
 """Contents of a recording, by made-up States and by old files."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,12 @@ from daemon.protocol.state import STATE_FORMAT, Contact, Notice, Snapshot, State
 from programs.clients.replay import SAME_ESTIMATOR
 from programs.contactd.contactd import main
 from programs.recordings.contents import Contents
+from tests.fake_daemon import snapshot_at, state_at
 from tests.programs.clients.test_damaged_recordings import changed, set_to
 from tests.programs.clients.test_damaged_recordings import written as damaged
 from tests.programs.clients.test_recorder import FORMATS
 
-MakeState = Callable[..., State]
-JOINT = 1  # the one that `make_state` pushes
+JOINT = 1  # the one that `state_at` pushes
 
 
 def notice(level: Any, torque: float = -1.3) -> Notice:
@@ -33,10 +32,8 @@ def found(states: list[State], snapshot: Snapshot) -> Contents:
     return contents
 
 
-def test_a_contact_lasts_until_its_thresholded_residual_is_zero(
-    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    contents = found([make_state(tick) for tick in range(90, 260)], make_snapshot(89))
+def test_a_contact_lasts_until_its_thresholded_residual_is_zero() -> None:
+    contents = found([state_at(tick) for tick in range(90, 260)], snapshot_at(89))
     (contact,) = contents.contacts
     assert (contact.joint, contact.peak, contact.level) == ("LShoulderYaw", -1.3, "contact")
     assert contact.time_s == pytest.approx(0.10)
@@ -46,46 +43,38 @@ def test_a_contact_lasts_until_its_thresholded_residual_is_zero(
     assert contents.duration_s == pytest.approx(1.69)
 
 
-def test_a_collision_belongs_to_the_contact_that_lasts(
-    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    states = [make_state(tick) for tick in range(90, 150)]
-    states[20] = make_state(110, notices=[notice("collision")])
-    (contact,) = found(states, make_snapshot(89)).contacts
+def test_a_collision_belongs_to_the_contact_that_lasts() -> None:
+    states = [state_at(tick) for tick in range(90, 150)]
+    states[20] = state_at(110, notices=[notice("collision")])
+    (contact,) = found(states, snapshot_at(89)).contacts
     assert (contact.level, contact.duration_s) == ("collision", None)
 
 
-def test_the_other_side_is_another_contact(
-    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    states = [make_state(tick) for tick in range(90, 150)]
-    states[20] = make_state(110, notices=[notice("contact", torque=2.0)])
-    first, second = found(states, make_snapshot(89)).contacts
+def test_the_other_side_is_another_contact() -> None:
+    states = [state_at(tick) for tick in range(90, 150)]
+    states[20] = state_at(110, notices=[notice("contact", torque=2.0)])
+    first, second = found(states, snapshot_at(89)).contacts
     assert first.duration_s == pytest.approx(0.10)
     assert second.peak == 2.0
 
 
-def test_gaps_and_faults_are_counted(
-    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
-) -> None:
+def test_gaps_and_faults_are_counted() -> None:
     fault = Notice(kind="fault", text="drive fault: joint 2")
-    states = [make_state(0), make_state(1), make_state(5, notices=[fault]), make_state(6)]
-    contents = found(states, make_snapshot(-1))
+    states = [state_at(0), state_at(1), state_at(5, notices=[fault]), state_at(6)]
+    contents = found(states, snapshot_at(-1))
     assert contents.lost == 3
     assert [(one.time_s, one.text) for one in contents.faults] == [(0.05, "drive fault: joint 2")]
     assert contents.events == contents.faults
 
 
-def test_how_long_a_contact_lasts_while_states_are_lost_is_not_made_up(
-    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
-) -> None:
+def test_the_duration_of_a_contact_ends_where_states_are_lost() -> None:
     ticks = [*range(90, 150), *range(1_000_000, 1_000_010)]
-    (contact,) = found([make_state(tick) for tick in ticks], make_snapshot(89)).contacts
+    (contact,) = found([state_at(tick) for tick in ticks], snapshot_at(89)).contacts
     assert contact.duration_s == pytest.approx(0.49)
 
 
 @pytest.mark.parametrize("version", FORMATS)
-def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
+def test_replay_lists_the_contents_of_a_file_of_each_format(version: int) -> None:
     answer = CliRunner().invoke(main, ["replay", str(FORMATS[version])])
     assert f"format {version}" in answer.output
     assert "states of joint" in answer.output
@@ -94,7 +83,7 @@ def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
     assert version != 2 or "1      0.26 s  joint            +2.95 Nm at most" in answer.output
 
 
-def test_replay_says_it_in_json() -> None:
+def test_replay_lists_the_contents_in_json() -> None:
     answer = CliRunner().invoke(main, ["replay", "--json", str(FORMATS[STATE_FORMAT])])
     reported = json.loads(answer.stdout)
     assert reported["identical"] is True
@@ -102,27 +91,20 @@ def test_replay_says_it_in_json() -> None:
     assert reported["contents"]["joints"] == ["joint"]
 
 
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def foreign(path: Path) -> None:
-    path.write_bytes(b"PK\x03\x04 something else altogether")
-
-
-def cut(path: Path) -> None:
-    path.write_bytes(FORMATS[4].read_bytes()[:900])
-
-
 @pytest.mark.parametrize(
-    ("make", "said"),
-    [(empty, "is empty"), (foreign, "is not an MCAP file"), (cut, "ends in the middle")],
+    ("content", "said"),
+    [
+        (b"", "is empty"),
+        (b"PK\x03\x04 something else altogether", "is not an MCAP file"),
+        (FORMATS[4].read_bytes()[:900], "ends in the middle"),
+    ],
+    ids=["empty", "foreign", "cut"],
 )
-def test_what_is_no_recording_gets_one_line(
-    tmp_path: Path, make: Callable[[Path], None], said: str
+def test_a_file_that_is_no_recording_gets_one_line(
+    tmp_path: Path, content: bytes, said: str
 ) -> None:
     path = tmp_path / "strange.mcap"
-    make(path)
+    path.write_bytes(content)
     answer = CliRunner().invoke(main, ["replay", str(path)])
     assert answer.exit_code == 65
     (line,) = answer.stderr.splitlines()
@@ -160,10 +142,7 @@ DAMAGES = {
     ids=" ".join,
 )  # fmt: skip
 def test_damage_never_ends_in_a_traceback(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: list[str],
-    damage: tuple[str, Callable[[Any], None]],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], damage: tuple[str, Any]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = damaged(tmp_path / "damaged.mcap", changed(*damage))

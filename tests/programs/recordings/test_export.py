@@ -1,4 +1,4 @@
-"""Exports: what Foxglove's published schemas say of them, and that nothing is lost on the way."""
+"""Exports: valid by Foxglove's published schemas, with all values of the recording."""
 
 import base64
 import csv
@@ -124,8 +124,6 @@ def decoded(path: Path) -> dict[str, list[Any]]:
             assert schema is not None
             if channel.message_encoding == "json":
                 found.setdefault(channel.topic, []).append(json.loads(message.data))
-    with path.open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
         topics = ["/tf", "/scene", "/touch", "/joint_states", "/log"]
         for _, channel, _, message in reader.iter_decoded_messages(topics=topics):
             found.setdefault(channel.topic, []).append(message)
@@ -152,9 +150,8 @@ def test_foxglove_gets_the_arm_its_values_and_its_log(recording: Path, tmp_path:
         for update in found["/scene"]
     ]
     assert lit == [[], ["LShoulderYawLink"], []]
-    assert [t.child_frame_id for t in found["/tf"][0].transforms] == [
-        f"{j}Link" for j in JOINTS[:-1]
-    ] + [found["/tf"][0].transforms[-1].child_frame_id]
+    frames = [transform.child_frame_id for transform in found["/tf"][0].transforms]
+    assert frames[:-1] == [f"{joint}Link" for joint in JOINTS[:-1]]
     assert found["/joint_states"][0].joints[2].name == JOINTS[2]
 
 
@@ -216,12 +213,8 @@ def test_no_file_is_overwritten_and_nothing_is_left_half_written(
     answer = export(foreign, form, "-o", tmp_path / "new")
     assert answer.exit_code != 0
     assert "is not an MCAP file" in answer.stderr
-    assert {path.name for path in tmp_path.iterdir()} <= {
-        "precious",
-        "made.mcap",
-        "foreign.mcap",
-        "new",
-    }
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left <= {"precious", "made.mcap", "foreign.mcap", "new"}
     assert form == "--labels" or not (tmp_path / "new").exists()
 
 
@@ -290,12 +283,12 @@ def test_a_viewer_sees_the_arm_live(fake_daemon: Any) -> None:
             return with_urdf(snapshot), states
 
     ended, reported = threading.Event(), threading.Event()
-    door = threading.Thread(
+    serving = threading.Thread(
         target=serve,
         args=(lambda: FromRomeo(fake_daemon.path, 60.0), "127.0.0.1", port, 33.0),
         kwargs={"report": lambda text: reported.set(), "going": lambda: not ended.is_set()},
     )
-    door.start()
+    serving.start()
     try:
         assert reported.wait(60.0)
         viewer = Viewer(port)
@@ -305,14 +298,8 @@ def test_a_viewer_sees_the_arm_live(fake_daemon: Any) -> None:
             if opcode == 1 and (said := json.loads(data)).get("op") == "advertise":
                 channels |= {one["topic"]: one["id"] for one in said["channels"]}
         topics = ("/joints/LElbowYaw", "/scene")
-        viewer.say(
-            {
-                "op": "subscribe",
-                "subscriptions": [
-                    {"id": k, "channelId": channels[t]} for k, t in enumerate(topics)
-                ],
-            }
-        )
+        subscriptions = [{"id": k, "channelId": channels[t]} for k, t in enumerate(topics)]
+        viewer.say({"op": "subscribe", "subscriptions": subscriptions})
         seen: set[int] = set()
         while len(seen) < 2:
             opcode, data = viewer.frame()
@@ -324,5 +311,5 @@ def test_a_viewer_sees_the_arm_live(fake_daemon: Any) -> None:
         viewer.close()
     finally:
         ended.set()
-        door.join(60.0)
-    assert not door.is_alive()
+        serving.join(60.0)
+    assert not serving.is_alive()

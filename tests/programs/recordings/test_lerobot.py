@@ -5,20 +5,20 @@ import json
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import DESK_ARM
 from bench.rigs.processes import pair
-from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.waiting import asked_until
 from programs.contactd import contactd
 from programs.recordings import lerobot
 from programs.recordings.lerobot import Frames, cameras_of, frame
+from tests.fake_daemon import snapshot_at, state_at
 
 RECORDING = Path(__file__).parents[1] / "clients/format_7.mcap"
 ENVIRONMENT = Path(os.environ.get("CONTACTD_LEROBOT", "build/lerobot")).resolve()
@@ -26,17 +26,19 @@ NOT_BUILT = not (ENVIRONMENT / "bin" / lerobot.WRITER).exists()
 needs_lerobot = pytest.mark.skipif(NOT_BUILT, reason="NOT TRIED: no LeRobot here (make lerobot)")
 
 
-def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
-    make_state: Callable[..., State], make_snapshot: Callable[[int], Snapshot]
-) -> None:
+def export(*words: object) -> Result:
+    return CliRunner().invoke(contactd.main, ["export", *map(str, words)])
+
+
+def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode() -> None:
     out = io.BytesIO()
     frames = Frames(out, 50, "a task", {"wrist": ["a.wrist.mp4"]})
     frames.begin(Path("a.mcap"), 3)
-    frames.take(make_snapshot(0))
-    states = [make_state(tick) for tick in range(100)]
+    frames.take(snapshot_at(0))
+    states = [state_at(tick) for tick in range(100)]
     frames.take(states)
     head, *rows = map(json.loads, out.getvalue().splitlines())
-    known = {"joints": make_snapshot(0).joints, "fps": 50, "task": "a task"}
+    known = {"joints": snapshot_at(0).joints, "fps": 50, "task": "a task"}
     assert head == {**known, "cameras": {"wrist": ["a.wrist.mp4"]}}
     period_s = states[1].time_s - states[0].time_s
     assert len(rows) == pytest.approx(100 * period_s * 50, abs=1)
@@ -48,21 +50,11 @@ def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
     assert rows[0]["action"] == first.reference
 
 
-def test_recordings_of_two_arms_are_no_dataset(
-    tmp_path: Path, make_snapshot: Callable[[int], Snapshot]
-) -> None:
+def test_recordings_of_two_arms_are_refused() -> None:
     frames = Frames(io.BytesIO(), 50, "a task", {})
-    frames.take(make_snapshot(0))
-    other = type(make_snapshot(0))(
-        **{
-            name: getattr(make_snapshot(0), name)
-            for name in Snapshot.__struct_fields__
-            if name != "joints"
-        },
-        joints=["x"],
-    )
+    frames.take(snapshot_at(0))
     with pytest.raises(lerobot.LogError, match="a dataset must be of one arm"):
-        frames.take(other)
+        frames.take(msgspec.structs.replace(snapshot_at(0), joints=["x"]))
 
 
 def test_videos_beside_recordings_are_their_cameras(tmp_path: Path) -> None:
@@ -77,31 +69,27 @@ def test_videos_beside_recordings_are_their_cameras(tmp_path: Path) -> None:
     assert cameras_of([tmp_path / "d.mcap"]) == {}
 
 
-def test_without_lerobot_it_says_how_to_get_it(
+def test_a_missing_lerobot_is_reported_with_the_command_to_build_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
-    result = run("--lerobot", str(tmp_path / "out"), str(RECORDING))
+    result = export("--lerobot", tmp_path / "out", RECORDING)
     assert result.exit_code == 65
     assert "build it by `make lerobot`" in result.stderr
     assert not (tmp_path / "out").exists()
 
 
-def run(*words: str):  # type: ignore[no-untyped-def]
-    return CliRunner().invoke(contactd.main, ["export", *words])
-
-
 @pytest.mark.parametrize(
     "words",
     [
-        [str(RECORDING)],
-        ["--csv", "--lerobot", "x", str(RECORDING)],
-        ["--lerobot", "x", "--output", "y", str(RECORDING)],
-        ["--csv", str(RECORDING), str(RECORDING)],
+        [],
+        ["--csv", "--lerobot", "x"],
+        ["--lerobot", "x", "--output", "y"],
+        ["--csv", RECORDING],
     ],
 )
-def test_one_form_and_its_options(words: list[str]) -> None:
-    assert run(*words).exit_code == 2
+def test_contradictory_forms_are_refused(words: list[object]) -> None:
+    assert export(*words, RECORDING).exit_code == 2
 
 
 def test_a_writer_that_fails_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,7 +98,7 @@ def test_a_writer_that_fails_is_an_error(tmp_path: Path, monkeypatch: pytest.Mon
     program.write_text("#!/bin/sh\nexit 3\n")
     program.chmod(0o755)
     monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
-    result = run("--lerobot", str(tmp_path / "out"), str(RECORDING))
+    result = export("--lerobot", tmp_path / "out", RECORDING)
     assert result.exit_code == 65
     assert "no dataset" in result.stderr
 
@@ -124,17 +112,21 @@ video.release()
 """
 
 
+def by_lerobot(program: str, *words: object) -> str:
+    """Output of a program in LeRobot's environment."""
+    command = [ENVIRONMENT / "bin/python", "-c", program, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
 @needs_lerobot
 def test_lerobot_opens_the_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CONTACTD_LEROBOT", str(ENVIRONMENT))
     files = [tmp_path / "first.mcap", tmp_path / "second.mcap"]
     for file in files:
         shutil.copy(RECORDING, file)
-        subprocess.run(
-            [ENVIRONMENT / "bin/python", "-c", VIDEO, file.with_suffix(".wrist.mp4")], check=True
-        )
+        by_lerobot(VIDEO, file.with_suffix(".wrist.mp4"))
     out = tmp_path / "dataset"
-    result = run("--lerobot", str(out), *map(str, files))
+    result = export("--lerobot", out, *files)
     assert result.exit_code == 0, result.stderr
     program = (
         "import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset as D;"
@@ -142,8 +134,7 @@ def test_lerobot_opens_the_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         "print(d.meta.total_episodes, len(d), *d.features['observation.state']['names'],"
         "*x['observation.images.wrist'].shape)"
     )
-    words = [ENVIRONMENT / "bin/python", "-c", program, out]
-    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
+    shown = by_lerobot(program, out).split()
     assert shown[0] == "2"
     assert int(shown[1]) > 2
     assert shown[-5:] == ["contact", "mode", "3", "64", "96"]
@@ -157,8 +148,7 @@ def test_lerobot_finds_the_plug_in() -> None:
         "TeleoperatorConfig as T;"
         "print(R.get_choice_class('contactd'), T.get_choice_class('contactd_leader'))"
     )
-    words = [ENVIRONMENT / "bin/python", "-c", program]
-    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    shown = by_lerobot(program)
     assert "ContactdConfig" in shown
     assert "ContactdLeaderConfig" in shown
 
@@ -200,8 +190,6 @@ def test_after_a_pause_the_arm_follows_on_and_after_a_stop_it_does_not() -> None
             assert asking.request("enable").ok
             now = asked_until(asking.ask_status, lambda now: now.mode == "holding", 10.0)
         assert now.mode == "holding"
-        words = [ENVIRONMENT / "bin/python", "-c", PAUSES, arm.door]
-        shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    goes_on, ended = shown.splitlines()
+        goes_on, ended = by_lerobot(PAUSES, arm.door).splitlines()
     assert goes_on == "goes on"
     assert "stop" in ended

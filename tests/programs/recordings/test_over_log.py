@@ -1,4 +1,4 @@
-"""Logs of other programs as recordings: what the estimator makes of anybody's samples."""
+"""Logs of other programs as recordings: the estimator's results for their samples."""
 
 import json
 from dataclasses import replace
@@ -54,8 +54,12 @@ def saved(path: Path, states: list[State], without: str = "", every: int = 1) ->
     return path
 
 
+def contactd(command: str, path: Path, *more: object):
+    return CliRunner().invoke(main, [command, str(path), *map(str, more)])
+
+
 def replayed(path: Path, *more: str):
-    return CliRunner().invoke(main, ["replay", str(path), "--config", str(SINGLE_JOINT), *more])
+    return contactd("replay", path, "--config", SINGLE_JOINT, *more)
 
 
 def test_residual_and_contact_of_a_csv_are_those_of_the_daemon(tmp_path, states):
@@ -94,7 +98,7 @@ def test_a_collision_that_follows_belongs_to_its_contact(tmp_path, states):
     assert [one.level for one in pushes] == ["collision"]
 
 
-def test_samples_at_another_period_are_said_to_be(tmp_path, states):
+def test_samples_at_another_period_are_reported(tmp_path, states):
     # Those before the push, so that nothing fast is lost between two samples.
     path = saved(tmp_path / "log.csv", states[:500], every=2)
     result = replayed(path)
@@ -121,46 +125,41 @@ def test_it_is_a_recording_that_repeats_bit_by_bit(tmp_path, states):
 def test_it_is_plotted_and_asked_like_a_recording(tmp_path, states):
     path = saved(tmp_path / "log.csv", states)
     page, curves = tmp_path / "a.html", tmp_path / "b.html"
-    by = ["--config", str(SINGLE_JOINT)]
-    plot = ["plot", str(path), *by, "--around", "contact:1", "-o", str(page)]
-    result = CliRunner().invoke(main, plot)
+    by = ["--config", SINGLE_JOINT]
+    result = contactd("plot", path, *by, "--around", "contact:1", "-o", page)
     assert result.exit_code == 0, result.output
     assert "beyond its threshold" in result.output
     assert page.stat().st_size > 10_000
     labels = tmp_path / "labels.txt"  # a folder is asked for all of its .csv
     labels.write_text(f"file,start_s,end_s,joint\nlog.csv,{PUSH_S},{PUSH_S + 1.0},joint\n")
-    asked = ["whatif", str(tmp_path), *by, "--labels", str(labels), "--threshold", "joint=0.8,2,90",
-             "--set", "estimator.gain=20", "-o", str(curves), "--json"]  # fmt: skip
-    result = CliRunner().invoke(main, asked)
+    by += ["--threshold", "joint=0.8,2,90", "--set", "estimator.gain=20"]
+    result = contactd("whatif", tmp_path, *by, "--labels", labels, "-o", curves, "--json")
     assert result.exit_code == 0, result.output
     (listed,) = json.loads(result.output)["recordings"]
     assert listed["file"] == str(path)
     (curve, *_) = json.loads(result.output)["curves"]
     assert [point["found"] for point in curve["points"]] == [1, 1, 0]
     assert curves.exists()
-    wrong = CliRunner().invoke(main, ["whatif", str(path), *by, "--threshold", "elbow=1"]).output
+    wrong = contactd("whatif", path, *by[:2], "--threshold", "elbow=1").output
     assert f"{path} has no joint 'elbow'" in wrong
 
 
 @pytest.mark.parametrize("command", ["plot", "whatif"])
 def test_pictures_and_answers_of_a_csv_need_a_configuration(tmp_path, states, command):
     path = saved(tmp_path / "log.csv", states[:200])
-    assert CliRunner().invoke(main, [command, str(path)]).exit_code == 2
+    assert contactd(command, path).exit_code == 2
 
 
-@pytest.mark.parametrize(
-    ("without", "says", "status"),
-    [("current.joint", "no column current.joint", 65), ("time", "no column time", 65)],
-)
-def test_what_it_needs_is_asked_for(tmp_path, states, without, says, status):
-    result = replayed(saved(tmp_path / "log.csv", states[:200], without))
-    assert result.exit_code == status
-    assert says in result.output
+@pytest.mark.parametrize("column", ["current.joint", "time"])
+def test_a_missing_column_is_reported(tmp_path, states, column):
+    result = replayed(saved(tmp_path / "log.csv", states[:200], without=column))
+    assert result.exit_code == 65
+    assert f"no column {column}" in result.output
 
 
 def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, states):
     path = saved(tmp_path / "log.csv", states[:200])
-    result = CliRunner().invoke(main, ["replay", str(path)])
+    result = contactd("replay", path)
     assert result.exit_code == 2
     assert "a log of another program needs --config" in result.output
     other = tmp_path / "log.mcap"
@@ -170,7 +169,7 @@ def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, state
     assert "--config is for a log of another program" in result.output
 
 
-def test_motor_positions_that_the_estimator_takes_are_asked_for():
+def test_missing_motor_positions_are_reported():
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration
     estimator = msgspec.structs.replace(c.estimator, motor_position="measured")
@@ -180,7 +179,7 @@ def test_motor_positions_that_the_estimator_takes_are_asked_for():
         over_log(log, replace(robot, configuration=msgspec.structs.replace(c, estimator=estimator)))
 
 
-def test_milliseconds_are_no_seconds(tmp_path, states):
+def test_times_in_milliseconds_are_refused(tmp_path, states):
     """Between samples 10 s apart nothing was measured; a long log would become a hundred million
     samples."""
     late = [msgspec.structs.replace(s, time_s=1e3 * s.time_s) for s in states]

@@ -1,4 +1,4 @@
-"""Plots: nothing of a recording is lost by gathering, the page is whole and needs no network."""
+"""Plots: gathering loses no peak, and the page is complete without a network."""
 
 import base64
 import dataclasses
@@ -7,7 +7,6 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.protocol.state import Notice, Snapshot, State
+from daemon.protocol.state import Notice, State
 from programs.contactd.contactd import main
 from programs.recordings import html
 from programs.recordings.html import page_of
@@ -29,7 +28,6 @@ from tests.programs.clients.test_recorder import FORMATS
 from tests.programs.clients.test_replay import written
 
 N = len(JOINTS)
-MakeState = Callable[..., State]
 
 
 def gathered(states: list[State], most: int, part: int = 32, **window: float) -> SignalGatherer:
@@ -114,7 +112,7 @@ def test_the_page_has_the_values_and_asks_for_nothing(recording: Path, tmp_path:
 @pytest.mark.parametrize(
     ("around", "at_s"), [("0.5", 0.5), ("contact:1", 0.1), ("fault", 1.5), ("fault:1", 1.5)]
 )
-def test_around_shows_a_window_and_says_what_was_there(
+def test_around_shows_a_window_and_lists_the_values_there(
     recording: Path, tmp_path: Path, around: str, at_s: float
 ) -> None:
     page = tmp_path / "a.html"
@@ -141,14 +139,16 @@ def test_around_shows_a_window_and_says_what_was_there(
         (["-o", "/nonexistent/a.html"], 65, "cannot write /nonexistent/a.html"),
     ],
 )
-def test_wrong_questions(recording: Path, arguments: list[str], status: int, said: str) -> None:
+def test_wrong_options_are_refused(
+    recording: Path, arguments: list[str], status: int, said: str
+) -> None:
     answer = plotted(recording, *arguments)
     assert answer.exit_code == status
     assert said in answer.stderr
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
-def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
+def test_pictures_are_written(recording: Path, tmp_path: Path, suffix: str) -> None:
     target = tmp_path / f"a{suffix}"
     assert plotted(recording, "-o", target).exit_code == 0
     assert target.stat().st_size > 10_000
@@ -164,12 +164,8 @@ def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
         ),
     ],
 )
-def test_without_matplotlib_it_says_what_to_do(
-    recording: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    missing: tuple[str, ...],
-    said: str,
+def test_a_missing_matplotlib_is_reported_with_the_command_to_install_it(
+    recording: Path, tmp_path: Path, monkeypatch: Any, missing: tuple[str, ...], said: str
 ) -> None:
     for name in missing:
         monkeypatch.setitem(sys.modules, name, None)
@@ -188,7 +184,7 @@ def test_a_recording_of_each_format_is_plotted(version: int, tmp_path: Path) -> 
     assert len(data_of(page)["joints"]) == 1
 
 
-def test_what_is_whole_of_a_broken_file_is_plotted(recording: Path, tmp_path: Path) -> None:
+def test_the_whole_part_of_a_broken_file_is_plotted(recording: Path, tmp_path: Path) -> None:
     cut, page = tmp_path / "cut.mcap", tmp_path / "a.html"
     long = [state_at(tick) for tick in range(600)]
     whole = written(tmp_path / "long.mcap", [snapshot_at(-1), *long]).read_bytes()
@@ -199,10 +195,10 @@ def test_what_is_whole_of_a_broken_file_is_plotted(recording: Path, tmp_path: Pa
     assert 0.0 < data_of(page)["until_s"] < 5.9
 
 
-def test_an_hour_stays_below_5_MB(tmp_path: Path, make_snapshot: Callable[[int], Snapshot]) -> None:
-    path = written(tmp_path / "a.mcap", [make_snapshot(-1), *(state_at(k) for k in range(40))])
+def test_an_hour_stays_below_5_MB(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.mcap", [snapshot_at(-1), *(state_at(k) for k in range(40))])
     view = read_view(path)
-    gatherer = _gatherer(path, make_snapshot(-1), (), 0.0, math.inf)
+    gatherer = _gatherer(path, snapshot_at(-1), (), 0.0, math.inf)
     rows = np.random.default_rng(1).normal(size=(360_000, 1)) * np.ones(N * len(DRAWN))
     for k in range(0, len(rows), 1000):
         gatherer._add_rows(0.01 * np.arange(k, k + 1000), rows[k : k + 1000].astype(np.float32))

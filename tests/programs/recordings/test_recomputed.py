@@ -54,10 +54,14 @@ def run(tmp_path: Path) -> tuple[Path, list[State]]:
     return log, states
 
 
+def context_beside(log: Path) -> Context:
+    return msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
+
+
 def with_fault(log: Path, after: int) -> None:
     """Let the daemon have reported a fault when it sent that SYNC."""
     _, states = recomputed(log, context_of_log(log))
-    reported = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
+    reported = context_beside(log)
     fault = (states[after].timing.wall_s - 1e-3, "drive fault: joint")
     context_of_log(log).write_bytes(msgspec.json.encode(Context(reported.snapshot, [fault])))
 
@@ -94,23 +98,19 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     assert answer.output.startswith(f"{log}: ")
 
 
-def test_what_ended_the_daemon_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
+def test_a_fault_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
     log, _ = run
-    reported = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
-    assert [text for _, text in reported.faults] == ["the bus is gone"]
+    assert [text for _, text in context_beside(log).faults] == ["the bus is gone"]
     _, states = recomputed(log, context_of_log(log))
     assert [k for k, state in enumerate(states) if state.notices] == [len(states) - 1]
     assert [notice.text for notice in states[-1].notices] == ["the bus is gone"]
 
 
-def test_the_last_fault_is_of_the_newest_log_that_knows_of_one(
-    run: tuple[Path, list[State]],
-) -> None:
+def test_the_last_fault_is_of_the_newest_log_with_one(run: tuple[Path, list[State]]) -> None:
     log, _ = run
     newer = log.with_name("frames-99991231T000000.000Z.blf")
     newer.write_bytes(log.read_bytes())
-    context = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
-    context_of_log(newer).write_bytes(msgspec.json.encode(Context(context.snapshot)))
+    context_of_log(newer).write_bytes(msgspec.json.encode(Context(context_beside(log).snapshot)))
     assert last_fault() == log
     context_of_log(log).unlink()
     assert last_fault() == newer
@@ -120,7 +120,7 @@ def plotted(*arguments: object) -> Any:
     return CliRunner().invoke(main, ["plot", *map(str, arguments)])
 
 
-def test_what_is_missing_is_said(run: tuple[Path, list[State]], tmp_path: Path) -> None:
+def test_missing_files_are_reported(run: tuple[Path, list[State]], tmp_path: Path) -> None:
     log, _ = run
     context_of_log(log).write_bytes(b"{")
     assert "cannot be read" in plotted(log).stderr
@@ -142,7 +142,7 @@ def test_a_log_that_is_damaged_gets_one_line(run: tuple[Path, list[State]]) -> N
     assert str(log) in str(caught.value)
 
 
-def test_what_was_used_longest_ago_is_forgotten(
+def test_the_least_recently_used_recording_is_deleted(
     run: tuple[Path, list[State]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = as_recording(run[0])

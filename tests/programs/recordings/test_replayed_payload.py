@@ -50,7 +50,7 @@ def recorded(path: Path) -> Matrix:
     return np.array([state.residual for state in read_log(path) if isinstance(state, State)])
 
 
-def test_what_was_set_in_the_middle_is_set_again(recording: Path) -> None:
+def test_a_payload_set_while_recording_is_replayed(recording: Path) -> None:
     np.testing.assert_array_equal(residuals(recording, SAME), recorded(recording))
 
 
@@ -107,7 +107,7 @@ def test_an_unannounced_load_stops_learning_unless_it_is_set_here() -> None:
         ("{", "is not valid YAML"),
     ],
 )
-def test_payloads_that_cannot_be(recording: Path, value: str, said: str) -> None:
+def test_invalid_payloads_are_refused(recording: Path, value: str, said: str) -> None:
     snapshot = next(iter(read_log(recording)))
     assert isinstance(snapshot, Snapshot)
     c = changed_configuration(snapshot, [("payload", value)])

@@ -94,7 +94,7 @@ def test_a_link_is_decided_by_how_long_or_how_often_it_is_the_most_likely(
 
 
 def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() -> None:
-    """One joint alone is turned: it does not say where."""
+    """Torque at one joint alone: it does not determine the point."""
     found = after(finder(), [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0], 30)
     assert found is not None
     assert not found.placed
@@ -116,7 +116,7 @@ def test_a_link_that_is_too_short_for_a_capsule_can_be_the_touched_one() -> None
     assert NAMES[short] in found.joints
 
 
-def test_two_forces_are_not_one() -> None:
+def test_two_forces_are_not_fitted_as_one() -> None:
     both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
         6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
     )
@@ -155,7 +155,7 @@ def a_push() -> tuple[Snapshot, list[State]]:
     return msgspec.structs.replace(snapshot_at(19), urdf=ROBOT.urdf), states
 
 
-def test_status_says_the_point_of_now_and_asks_for_states_only_then() -> None:
+def test_status_shows_the_present_point_and_subscribes_only_then() -> None:
     snapshot, states = a_push()
     client: Any = SimpleNamespace(subscribe=lambda: (snapshot, iter(states[15:])))
     status: Any = states[15]  # what it is asked for has the names of a State's

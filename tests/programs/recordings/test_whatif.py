@@ -1,4 +1,4 @@
-"""Questions what if: unchanged, the contacts are those recorded; else the right ones."""
+"""`contactd whatif`: contacts of a recording by other settings; by the same, those recorded."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.recorded_arm import made
 from common.errors import ConfigurationError
-from daemon.protocol.state import Snapshot, State
+from daemon.protocol.state import Contact, Snapshot, State
 from estimator.alarms import critical_collision
 from programs.clients.log_reader import read_log
 from programs.clients.replay import SAME_ESTIMATOR
@@ -43,15 +43,20 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def notices(path: Path) -> list[tuple[str, float]]:
-    """Contacts as the daemon said them."""
+def noticed(path: Path, level: str) -> list[tuple[State, Contact]]:
+    """Contacts of this level that the daemon reported, with their States."""
     return [
-        (notice.contact.joint, notice.contact.torque)
+        (state, notice.contact)
         for state in read_log(path)
         if isinstance(state, State)
         for notice in state.notices
-        if notice.contact is not None and notice.contact.level == "contact"
+        if notice.contact is not None and notice.contact.level == level
     ]
+
+
+def notices(path: Path) -> list[tuple[str, float]]:
+    """Contacts that the daemon reported, as `contacts` has them."""
+    return [(contact.joint, contact.torque) for _, contact in noticed(path, "contact")]
 
 
 def contacts(answer: Answer) -> list[tuple[str, float]]:
@@ -59,13 +64,17 @@ def contacts(answer: Answer) -> list[tuple[str, float]]:
     return [(one.joint, one.torque) for one in answer.contacts]
 
 
-def configured(path: Path) -> float:
+def snapshot_of(path: Path) -> Snapshot:
     snapshot = next(iter(read_log(path)))
     assert isinstance(snapshot, Snapshot)
-    return snapshot.thresholds[0]
+    return snapshot
 
 
-def test_where_nothing_is_changed_the_contacts_are_those_of_the_daemon(recording: Path) -> None:
+def configured(path: Path) -> float:
+    return snapshot_of(path).thresholds[0]
+
+
+def test_contacts_by_the_recorded_settings_are_those_of_the_daemon(recording: Path) -> None:
     level = configured(recording)
     answer = ask(recording, Question(levels={JOINT: (level,)}))
     assert contacts(answer) == notices(recording)
@@ -96,7 +105,7 @@ def test_another_level_makes_the_contacts_that_a_replay_with_it_makes(
 
 
 @pytest.mark.parametrize("collision", [0.7, 1.5, 2.5])
-def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
+def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_reports(
     tmp_path: Path, collision: float
 ) -> None:
     arm = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / SINGLE_JOINT.name
@@ -104,13 +113,7 @@ def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
     assert "collision: 4.0," in text
     (arm / "config.yaml").write_text(text.replace("collision: 4.0,", f"collision: {collision},"))
     path = made(tmp_path / "hit.mcap", arm, 14.0, seed=4)
-    said = [
-        (state, notice.contact)
-        for state in read_log(path)
-        if isinstance(state, State)
-        for notice in state.notices
-        if notice.contact is not None and notice.contact.level == "collision"
-    ]
+    said = noticed(path, "collision")
     question = Question(levels={JOINT: (1.0,)}, collisions={JOINT: (collision, 50.0)})
     curves = ask(path, question).curves
     assert curves[f"{JOINT}, collision"].contacts == [len(said), 0]
@@ -131,7 +134,7 @@ def test_other_friction_makes_other_residuals(recording: Path) -> None:
     assert contacts(answer) != notices(recording)
 
 
-def test_what_ran_beside_can_decide(recording: Path) -> None:
+def test_a_residual_that_ran_beside_can_decide(recording: Path) -> None:
     answer = ask(recording, Question(residual="classical"))
     assert len(answer.contacts) > len(answer.recorded) == len(notices(recording))
     assert "has no residual 'kalman'; there are: backlash, classical" in (
@@ -153,17 +156,14 @@ def test_labels_are_found_at_low_levels_and_not_at_high_ones(recording: Path) ->
     assert curve.delays_s[0] == pytest.approx([0.1, 0.1], abs=0.011)
 
 
-def test_after_the_first_reaction_nothing_counts_if_asked_so(
+def test_nothing_counts_after_the_first_reaction_if_so_asked(
     recording: Path, tmp_path: Path
 ) -> None:
-    messages = list(read_log(recording))
-    snapshot, states = messages[0], [m for m in messages[1:] if isinstance(m, State)]
-    contact = next(
-        k for k, state in enumerate(states) if state.notices and state.notices[-1].contact
-    )
+    snapshot, *states = read_log(recording)
+    (touched, _), *_ = noticed(recording, "contact")
     yielding = [
-        msgspec.structs.replace(state, mode="admittance") if k > contact else state
-        for k, state in enumerate(states)
+        msgspec.structs.replace(state, mode="admittance") if state.tick > touched.tick else state
+        for state in states
     ]
     path = written(tmp_path / "made.mcap", [snapshot, *yielding])
     answer = ask(path, Question(until_reaction=True))
@@ -176,7 +176,7 @@ def test_after_the_first_reaction_nothing_counts_if_asked_so(
 def test_levels_are_swept_in_recordings_of_each_format(version: int) -> None:
     answer = ask(FORMATS[version], Question(levels={JOINT: (0.1, 5.0)}))
     assert not answer.failed
-    assert answer.shares_known == (version != 4)  # which learned, and did not say what
+    assert answer.shares_known == (version != 4)  # which learned without a record of it
     replayed = ask(FORMATS[version], Question(changes=(("estimator.gain", "20"),)))
     assert ("--fresh begins without" in replayed.failed) == (version < SAME_ESTIMATOR)
     assert not ask(FORMATS[version], Question(fresh=True)).failed
@@ -195,20 +195,16 @@ def test_levels_are_swept_in_recordings_of_each_format(version: int) -> None:
         ("joints.joint.name", "other", "names of joints cannot be changed"),
     ],
 )
-def test_settings_that_are_none(path: str, value: str, said: str) -> None:
-    snapshot = next(iter(read_log(FORMATS[4])))
-    assert isinstance(snapshot, Snapshot)
+def test_unknown_or_invalid_settings_are_refused(path: str, value: str, said: str) -> None:
     with pytest.raises(ConfigurationError, match=r"^--set") as caught:
-        changed_configuration(snapshot, [(path, value)])
+        changed_configuration(snapshot_of(FORMATS[4]), [(path, value)])
     assert said in str(caught.value)
 
 
-def test_a_setting_goes_where_its_path_says() -> None:
-    snapshot = next(iter(read_log(FORMATS[4])))
-    assert isinstance(snapshot, Snapshot)
+def test_a_setting_changes_the_field_at_its_path() -> None:
     changes = [("joints.joint.friction.motor_coulomb", "0.25"), ("estimator.learning", "false"),
                ("estimator.gain", "2e1")]  # fmt: skip
-    found = changed_configuration(snapshot, changes)
+    found = changed_configuration(snapshot_of(FORMATS[4]), changes)
     assert (found.joints[0].friction.motor_coulomb, found.estimator.learning) == (0.25, False)
     assert found.estimator.gain == 20.0
 
@@ -220,7 +216,7 @@ def whatif(*arguments: object) -> Any:
     return CliRunner().invoke(main, ["whatif", *map(str, arguments)])
 
 
-def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> None:
+def test_the_command_prints_and_draws_the_answer(recording: Path, tmp_path: Path) -> None:
     page, labels = tmp_path / "a.html", tmp_path / "labels.csv"
     assert whatif(recording, "--propose-labels", labels).exit_code == 0
     assert labels.read_text().startswith("file,start_s,end_s,joint\nmade.mcap,")
@@ -256,7 +252,9 @@ def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> No
         (["--per-hour", "nan"], 2, "not in the range"),
     ],
 )
-def test_wrong_questions(recording: Path, arguments: list[str], status: int, said: str) -> None:
+def test_wrong_options_are_refused(
+    recording: Path, arguments: list[str], status: int, said: str
+) -> None:
     answer = whatif(recording, *arguments)
     assert answer.exit_code == status
     assert said in answer.stderr
@@ -276,7 +274,7 @@ def test_wrong_questions(recording: Path, arguments: list[str], status: int, sai
         ("start_s,end_s,joint\n1e9,2e9,any\n", "has a label from 1e+09 s on, but lasts only 23."),
     ],
 )
-def test_wrong_labels(recording: Path, tmp_path: Path, text: str, said: str) -> None:
+def test_wrong_labels_are_refused(recording: Path, tmp_path: Path, text: str, said: str) -> None:
     labels = tmp_path / "labels.csv"
     labels.write_text(text)
     answer = whatif(recording, "--labels", labels)
@@ -303,9 +301,9 @@ def test_a_broken_recording_is_named_and_the_rest_goes_on(folder: Path) -> None:
     answer = whatif(folder, "--threshold", "joint=1.0", "--json")
     assert answer.exit_code == 1
     reported = json.loads(answer.stdout)
-    assert [Path(one["file"]).name for one in reported["recordings"]] == ["cut.mcap", "whole.mcap"]
-    assert [Path(one["file"]).name for one in reported["failed"]] == ["foreign.mcap"]
-    assert [Path(one["file"]).name for one in reported["broken"]] == ["cut.mcap"]
+    expected = {"recordings": ["cut.mcap", "whole.mcap"], "failed": ["foreign.mcap"]}
+    for key, names in (expected | {"broken": ["cut.mcap"]}).items():
+        assert [Path(one["file"]).name for one in reported[key]] == names
     assert "foreign.mcap is not an MCAP file" in answer.stderr
     assert "cut.mcap ends in the middle" in answer.stderr
 
@@ -318,7 +316,7 @@ def test_a_copy_of_a_broken_recording_is_named_by_its_own_name(folder: Path) -> 
         assert answer.stderr.startswith(f"contactd: {copy} ends in the middle: ")
 
 
-def test_what_was_answered_before_is_not_asked_again(
+def test_a_kept_answer_is_not_computed_again(
     recording: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     question = Question(levels={JOINT: (1.0,)})
@@ -333,7 +331,7 @@ def test_what_was_answered_before_is_not_asked_again(
         kept_answer(Question(levels={JOINT: (1.1,)}), LabelledRecording(str(recording)))
 
 
-def test_a_cache_that_was_damaged_is_made_anew(recording: Path, cache: Path) -> None:
+def test_a_damaged_kept_answer_is_computed_again(recording: Path, cache: Path) -> None:
     question = Question(levels={JOINT: (1.0,)})
     first = kept_answer(question, LabelledRecording(str(recording)))
     for kept in (cache / "contactd" / "answers").iterdir():
@@ -341,51 +339,40 @@ def test_a_cache_that_was_damaged_is_made_anew(recording: Path, cache: Path) -> 
     assert kept_answer(question, LabelledRecording(str(recording))) == first
 
 
-def cut_column(columns: Path) -> None:
-    (columns / "residual").write_bytes(b"12345678")
-
-
-def remove_column(columns: Path) -> None:
-    (columns / "threshold").unlink()
-
-
-def cut_header(columns: Path) -> None:
-    (columns / "header.json").write_bytes(b"{")
-
-
-def remove_all(columns: Path) -> None:
-    shutil.rmtree(columns)
-
-
-def no_folder(columns: Path) -> None:
+def file_in_place_of_folder(columns: Path) -> None:
     shutil.rmtree(columns.parent)
     columns.parent.write_bytes(b"")
 
 
-@pytest.mark.parametrize("damage", [cut_column, remove_column, cut_header, remove_all, no_folder])
-def test_columns_that_were_damaged_are_read_anew(
-    recording: Path,
-    cache: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    damage: Callable[[Path], None],
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "column cut": lambda columns: (columns / "residual").write_bytes(b"12345678"),
+    "column missing": lambda columns: (columns / "threshold").unlink(),
+    "header cut": lambda columns: (columns / "header.json").write_bytes(b"{"),
+    "all missing": shutil.rmtree,
+    "no folder": file_in_place_of_folder,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_columns_are_read_anew(
+    recording: Path, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     question = Question(levels={JOINT: (1.0, 2.0)})
     first = ask(recording, question)
     assert not first.failed
     (columns,) = (cache / "contactd" / "columns").iterdir()
-    damage(columns)
+    DAMAGES[damage](columns)
     assert ask(recording, question) == first
     assert not list(tmp_path.glob("contactd-columns-*"))
 
 
-def test_an_answer_that_was_kept_is_the_same_to_the_letter(recording: Path) -> None:
+def test_a_kept_answer_is_printed_byte_for_byte_alike(recording: Path) -> None:
     asked = (recording, "--threshold", "joint=1:2:0.1", "--json")
     assert whatif(*asked).stdout == whatif(*asked).stdout
 
 
-def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_path: Path) -> None:
+def test_the_time_of_lost_states_does_not_count_as_watched(recording: Path, tmp_path: Path) -> None:
     def later(state: State) -> State:
         return msgspec.structs.replace(
             state, tick=state.tick + 1_000_000, time_s=state.time_s + 1e4
@@ -408,37 +395,36 @@ def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_pat
     assert "has no state that follows a snapshot; --fresh begins without" in nothing.failed
 
 
-def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
-    return sorted((Path(a.file).name, bool(a.failed), len(a.contacts)) for a in found)
-
-
-def test_workers_give_the_same_answers(folder: Path, tmp_path: Path) -> None:
+def answered_anew(folder: Path, cache: Path, question: Question, **by: Any) -> None:
+    """Comparison of answers by workers, with no answer kept, with those of this process."""
     asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
-    question = Question(changes=(("estimator.gain", "20"),))
+
+    def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
+        return sorted((Path(a.file).name, bool(a.failed), len(a.contacts)) for a in found)
+
     alone = reported(answers(question, asked))
-    for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():
+    for kept in (cache / "contactd" / "answers").iterdir():
         kept.unlink()
-    assert reported(answers(question, asked, workers=2)) == alone
+    assert reported(answers(question, asked, **by)) == alone
     assert len(alone) == 3
 
 
-def test_a_dask_cluster_gives_the_same_answers(folder: Path, tmp_path: Path) -> None:
+def test_workers_give_the_same_answers(folder: Path, cache: Path) -> None:
+    answered_anew(folder, cache, Question(changes=(("estimator.gain", "20"),)), workers=2)
+
+
+def test_a_dask_cluster_gives_the_same_answers(folder: Path, cache: Path) -> None:
     """Two workers on this machine."""
     distributed = pytest.importorskip("distributed")
-    asked = [LabelledRecording(str(path)) for path in sorted(folder.rglob("*.mcap"))]
-    question = Question(levels={JOINT: (0.5, 1.0)})
-    alone = reported(answers(question, asked))
-    for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():
-        kept.unlink()
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
-        assert reported(answers(question, asked, scheduler=cluster.scheduler_address)) == alone
-        kept = list((tmp_path / "cache" / "contactd" / "answers").iterdir())
-        assert len(kept) == 2  # by the workers
+        question = Question(levels={JOINT: (0.5, 1.0)})
+        answered_anew(folder, cache, question, scheduler=cluster.scheduler_address)
+        assert len(list((cache / "contactd" / "answers").iterdir())) == 2  # by the workers
 
 
-def test_a_scheduler_that_is_not_there(recording: Path) -> None:
+def test_a_scheduler_that_cannot_be_reached_is_reported(recording: Path) -> None:
     pytest.importorskip("distributed")
     answer = whatif(recording, "--scheduler", "here")
     assert answer.stderr == "contactd: --scheduler here: must be like tcp://127.0.0.1:8786\n"
@@ -448,14 +434,12 @@ def test_a_scheduler_that_is_not_there(recording: Path) -> None:
 
 
 def test_the_largest_force_at_the_tool_as_recorded_and_by_other_settings(recording: Path) -> None:
-    said = [s.wrench.force for s in read_log(recording) if isinstance(s, State) and s.wrench]
-    most = max(float(np.linalg.norm(force)) for force in said)
+    states = [one for one in read_log(recording) if isinstance(one, State)]
+    most = max(float(np.linalg.norm(one.wrench.force)) for one in states if one.wrench)
     assert most > 1.0
     same = ask(recording, Question())
     assert (same.recorded_N, same.force_N) == pytest.approx((most, most))
-    change = (("estimator.gain", "15"),)
-    other = ask(recording, Question(changes=change))
+    other = ask(recording, Question(changes=(("estimator.gain", "15"),)))
     assert other.recorded_N == pytest.approx(most)
     assert other.force_N != pytest.approx(most, rel=1e-6)
-    words = CliRunner().invoke(main, ["whatif", str(recording)]).output
-    assert f"up to {most:.0f} N at the tool as recorded" in words
+    assert f"up to {most:.0f} N at the tool as recorded" in whatif(recording).output

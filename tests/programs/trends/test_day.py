@@ -19,7 +19,7 @@ def record(date: str, moved_s: float = 60.0) -> Day:
     return Day(arm="arm", date=date, joints={"elbow": joint})
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_written_day_is_read(tmp_path: Path) -> None:
     for date in ("2026-06-04", "2026-06-03"):
         write_day(tmp_path / "new", record(date))
     found = read_days(tmp_path / "new", until=LATE)
@@ -48,7 +48,7 @@ def test_sums_have_means() -> None:
     ids=["empty", "half", "list", "of another day", "unknown field", "version", "zeros",
          "negative time", "absurd sum", "deep"],
 )  # fmt: skip
-def test_a_damaged_record_is_set_aside_and_said(tmp_path: Path, text: str) -> None:
+def test_a_damaged_record_is_set_aside_and_reported(tmp_path: Path, text: str) -> None:
     write_day(tmp_path, record("2026-06-03"))
     (tmp_path / "2026-06-04.json").write_text(text)
     looked = read_days(tmp_path, until=LATE)
@@ -62,12 +62,14 @@ def test_a_damaged_record_is_set_aside_and_said(tmp_path: Path, text: str) -> No
     assert len(read_days(tmp_path, set_aside=True, until=LATE).damaged) == 2
 
 
-def test_a_day_that_is_none_is_damaged(tmp_path: Path) -> None:
+def test_an_invalid_day_is_damaged(tmp_path: Path) -> None:
     (tmp_path / "2026-06-31.json").write_text('{"arm": "arm", "date": "2026-06-31"}')
     assert read_days(tmp_path, until=LATE).damaged == (str(tmp_path / "2026-06-31.json"),)
 
 
-def test_what_cannot_be_set_aside_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_that_cannot_be_set_aside_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def read_only(*_: object) -> None:
         raise OSError(30, "Read-only file system")
 
@@ -77,7 +79,7 @@ def test_what_cannot_be_set_aside_is_said(tmp_path: Path, monkeypatch: pytest.Mo
     assert said.endswith("2026-06-04.json: Read-only file system")
 
 
-def test_days_to_come_and_what_cannot_be_read_stay_and_are_left_out(tmp_path: Path) -> None:
+def test_future_days_and_unreadable_records_stay_and_are_left_out(tmp_path: Path) -> None:
     for date in ("2026-06-03", "2026-06-04", "2099-01-01"):
         write_day(tmp_path, record(date))
     (tmp_path / "2026-06-05.json").mkdir()
@@ -90,7 +92,7 @@ def test_days_to_come_and_what_cannot_be_read_stay_and_are_left_out(tmp_path: Pa
     assert len(list(tmp_path.iterdir())) == 4
 
 
-def test_only_so_many_days_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_days_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "DAYS_KEPT", 3)
     for k in range(1, 7):
         write_day(tmp_path, record(f"2026-06-0{k}"))

@@ -69,13 +69,13 @@ def test_a_gear_that_wears_is_named_with_what_to_do() -> None:
         (lambda k, r: joint(friction=1.0, bound_s=20.0), ""),
     ],
 )
-def test_what_is_said(elbow, words: str) -> None:
+def test_words_of_findings(elbow, words: str) -> None:
     said = warnings(days(11, elbow))
     assert [bool(words)] == [bool(said)] if words else not said
     assert words in "".join(said)
 
 
-def test_few_days_say_nothing_and_an_identification_begins_anew() -> None:
+def test_few_days_give_no_finding_and_an_identification_begins_anew() -> None:
     assert not warnings(days(4, worn))
     assert warnings(days(9, worn))
     again = days(11, worn, identified={"LElbowRoll": "2026-06-11T10:00:00+00:00"})

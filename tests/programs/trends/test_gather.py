@@ -63,7 +63,7 @@ def test_a_gap_in_the_ticks_begins_another_stretch() -> None:
     assert day.joints["elbow"].friction.weight > 50.0
 
 
-def test_what_a_hand_touches_does_not_count() -> None:
+def test_touched_samples_do_not_count() -> None:
     touched = rows(60.0)
     touched[:, 2] = 0.0
     (day,) = gathered(touched).values()
@@ -71,7 +71,7 @@ def test_what_a_hand_touches_does_not_count() -> None:
     assert day.joints["elbow"].forth.weight == 0.0
 
 
-def test_what_is_hardly_known_does_not_count() -> None:
+def test_uncertain_samples_do_not_count() -> None:
     unknown = rows(60.0)
     unknown[:, HEAD + 5] = 0.9
     (day,) = gathered(unknown).values()

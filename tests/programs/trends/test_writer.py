@@ -38,8 +38,8 @@ def test_a_day_that_begins_again_goes_on(tmp_path: Path) -> None:
     assert day.joints["elbow"].friction.weight == pytest.approx(2 * 47.0, abs=3.0)
 
 
-def test_what_was_gathered_before_a_joint_was_identified_is_left_out(tmp_path: Path) -> None:
-    """While friction is a guess, learning stands at its bound, which says nothing of the gear."""
+def test_samples_before_an_identification_are_left_out(tmp_path: Path) -> None:
+    """While friction is a guess, learning stands at its bound, which is no evidence on the gear."""
     found = {"elbow": "2026-11-24T02:40:00+00:00"}
     for k, identified in enumerate(({}, found, found)):
         writer = Writer(msgspec.structs.replace(job(tmp_path), identified=identified), print)
@@ -53,7 +53,7 @@ def test_what_was_gathered_before_a_joint_was_identified_is_left_out(tmp_path: P
     assert day.joints["wrist"].moved_s == pytest.approx(3.0 * first.joints["wrist"].moved_s)
 
 
-def test_warnings_are_said_once_and_again_when_they_change(tmp_path: Path) -> None:
+def test_warnings_are_reported_once_and_when_they_change(tmp_path: Path) -> None:
     for day in days(11, worn):
         write_day(tmp_path, day)
     said: list[list[str]] = []
@@ -66,7 +66,7 @@ def test_warnings_are_said_once_and_again_when_they_change(tmp_path: Path) -> No
     assert any(line.startswith("damaged record: ") for line in said[-1])
 
 
-def test_a_folder_that_cannot_be_written_is_said_once(
+def test_a_folder_that_cannot_be_written_is_reported_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -76,7 +76,7 @@ def test_a_folder_that_cannot_be_written_is_said_once(
     assert sum("trends are not written" in message for message in caplog.messages) == 1
 
 
-def test_the_daemon_sends_its_ticks_and_hears_what_is_said(tmp_path: Path) -> None:
+def test_the_daemon_sends_its_ticks_and_gets_the_warnings(tmp_path: Path) -> None:
     for day in days(11, worn):
         write_day(tmp_path, day)
     with lockstep_rig(SINGLE_JOINT) as rig:

@@ -25,7 +25,7 @@ class Network:
         self._threads: list[threading.Thread] = []
 
     def lose(self) -> None:
-        """Let nothing more through the connections that are open, and tell neither end."""
+        """Drop all bytes of the open connections from now on, without closing them."""
         self._lost += 1
 
     def run(self) -> None:

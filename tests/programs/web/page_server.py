@@ -28,10 +28,10 @@ def page_of(
     *control_sockets: Path, options: tuple[str, ...] = ("--no-recordings",)
 ) -> Iterator[Page]:
     """The page of the daemons at these control sockets, at a free port, while the context lasts."""
-    doors = [str(view_socket_path(path)) for path in control_sockets]
+    views = [str(view_socket_path(path)) for path in control_sockets]
     command = [sys.executable, "-m", "programs.web.contactd_web", "--port", "0"]
     with subprocess.Popen(
-        [*command, *options, *doors], stdout=subprocess.PIPE, text=True
+        [*command, *options, *views], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         try:

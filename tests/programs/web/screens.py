@@ -36,6 +36,11 @@ class Screen:
         """Wait until the visible text of an element is `text`."""
         self._says(selector, f" === {json.dumps(text)}")
 
+    def data(self, selector: str, name: str, value: str) -> None:
+        """Wait until a data attribute of an element is `value`."""
+        element = f"document.querySelector({json.dumps(selector)})"
+        self.until(f"{element}?.dataset.{name} === {json.dumps(value)}")
+
     def hides(self, selector: str) -> None:
         self.page.wait_for_selector(selector, state="hidden", timeout=TIMEOUT_MS)
 
@@ -89,6 +94,12 @@ class Screens:
         )
         screen.page.goto(url)
         self._opened.append(screen)
+        return screen
+
+    def live(self, url: str, size: tuple[int, int] = DESKTOP, scheme: str = "light") -> Screen:
+        """An opened page, once it is live."""
+        screen = self.open(url, size, scheme)
+        screen.live()
         return screen
 
     def close(self) -> list[str]:

@@ -39,20 +39,20 @@ def ages(*steps: Step) -> list[float | None]:
     return found
 
 
-def test_before_figures_and_clock_nothing_is_live() -> None:
+def test_nothing_is_live_before_figures_and_clock() -> None:
     assert ages(("age", 50.0)) == [None]
     assert ages(("arrived", 500.0), ("age", 50.0)) == [None]
     assert ages(("read", 500.0, 10.0), ("age", 50.0)) == [None]
     assert ages(("read", 500.0, 10.0), ("arrived", 500.0), ("reset",), ("age", 20.0)) == [None]
 
 
-def test_it_grows_while_nothing_comes() -> None:
+def test_the_age_grows_while_nothing_comes() -> None:
     steps = [("read", 500.0, 10_000.0), ("arrived", 500.0)]
     asked = [("age", at_ms) for at_ms in (10_000.0, 10_700.0, 12_000.0)]
     assert ages(*steps, *asked) == pytest.approx([0.0, 700.0, 2000.0])
 
 
-def test_what_comes_late_is_as_old_as_it_is_late() -> None:
+def test_the_age_of_late_figures_is_their_delay() -> None:
     """A stream that stood still for 3 s, and then brings all that had waited at once."""
     late = [(500.1, 13_000.0), (501.0, 13_001.0), (503.0, 13_002.0)]
     steps = [step for then_s, now_ms in late for step in (("arrived", then_s), ("age", now_ms))]
@@ -67,7 +67,7 @@ def test_a_stream_that_is_late_from_the_first_is_old() -> None:
     assert ages(*steps) == pytest.approx([5000.0] * 5)
 
 
-def test_an_answer_that_dawdles_makes_nothing_younger() -> None:
+def test_a_slow_answer_of_the_clock_lowers_no_age() -> None:
     """The question waits 400 ms before the clock is read; a later one does not."""
     steps = [("read", 500.4, 10_000.0), ("arrived", 500.3), ("age", 10_300.0)]
     assert ages(*steps, ("read", 500.3, 10_300.0), ("age", 10_300.0)) == pytest.approx([400.0, 0.0])
@@ -82,7 +82,7 @@ def test_clocks_that_drift_apart_are_followed(drift: float) -> None:
     assert found == pytest.approx([0.0], abs=10.0)
 
 
-def test_figures_from_times_to_come_are_not_live() -> None:
+def test_figures_from_the_future_are_not_live() -> None:
     """Our clock slept for an hour with the lid closed."""
     steps = [("read", 500.0, 10_000.0), ("arrived", 500.0), ("age", 10_000.0)]
     found = ages(*steps, ("arrived", 4100.0), ("age", 10_001.0))

@@ -22,7 +22,7 @@ def test_frames_come_in_order_and_texts_before_them() -> None:
     assert taken(browser, 5) == ["first", "second", b"\x00", b"\x01", b"\x02"]
 
 
-def test_who_does_not_keep_up_loses_the_oldest_frames_and_no_other_does() -> None:
+def test_a_slow_client_loses_the_oldest_frames_and_no_other_does() -> None:
     audience, slow, quick = Audience(), Browser(), Browser()
     audience.add(slow)
     audience.add(quick)

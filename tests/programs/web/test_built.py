@@ -35,7 +35,7 @@ def test_it_is_small_and_complete() -> None:
     assert sum(size for name, size in sizes.items() if name != "scene.js") < 60_000
 
 
-def test_nothing_in_it_is_asked_for_elsewhere() -> None:
+def test_it_loads_nothing_from_elsewhere() -> None:
     """No other site, no inline script or style: the strict policy would refuse them."""
     for name in ("index.html", "enter.html", "page.css"):
         text = (BUILT / name).read_text()

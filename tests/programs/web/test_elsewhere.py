@@ -1,4 +1,4 @@
-"""Arms of other machines on the page: shown as `contactd fleet` does, stopped, and nothing else."""
+"""Arms of other machines on the page: shown as by `contactd fleet`, stopped, nothing more."""
 
 import asyncio
 import json
@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from contactd_client.paths import view_socket_path
 from programs.web.contactd_web import main
 from programs.web.elsewhere import MOST_SHOWN, MOST_STOPS, Router, shown_of
 from programs.web.guard import COMMAND_HEADER
@@ -19,7 +18,7 @@ from programs.web.words import Elsewhere, Other, Outcome
 from programs.zenoh.fleet import Arm
 from tests.programs.web.page_server import page_of
 from tests.programs.web.screens import PHONE, Screens
-from tests.programs.web.visitor import TIMEOUT_S, visiting
+from tests.programs.web.visitor import TIMEOUT_S, visited
 from tests.programs.zenoh.bridge import Bridge, until
 from tests.programs.zenoh.zenoh_router import free_port, router_of
 
@@ -48,13 +47,9 @@ class Others:
         pass
 
 
-def visited(daemon: FakeDaemon, others: Others | None, **more: Any) -> Any:
-    return visiting(view_socket_path(daemon.path), others=others, **more)
-
-
-async def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: FakeDaemon) -> None:
+async def test_arms_of_others_and_their_changes_are_sent(fake_daemon: FakeDaemon) -> None:
     others = Others()
-    async with visited(fake_daemon, others) as visitor:
+    async with visited(fake_daemon, others=others) as visitor:
         live = await visitor.live()
 
         async def reported() -> Any:
@@ -73,7 +68,7 @@ async def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: Fa
 
 async def test_one_or_all_are_stopped(fake_daemon: FakeDaemon) -> None:
     others = Others()
-    async with visited(fake_daemon, others) as visitor:
+    async with visited(fake_daemon, others=others) as visitor:
         for query in ("?arm=hall%2Fleft", "?arm=", ""):
             status, text = await visitor.ask("POST", f"/elsewhere/stop{query}", **STOP)
             assert status == 200
@@ -96,23 +91,18 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("method", "path", "headers", "options", "status"), REFUSED)
-async def test_nothing_else_is_done_for_anybody(
-    fake_daemon: FakeDaemon,
-    method: str,
-    path: str,
-    headers: dict[str, str],
-    options: dict[str, Any],
-    status: int,
+async def test_other_requests_are_refused(
+    fake_daemon: FakeDaemon, method: str, path: str, headers: Any, options: Any, status: int
 ) -> None:
     others = Others()
-    async with visited(fake_daemon, others, **options) as visitor:
+    async with visited(fake_daemon, others=others, **options) as visitor:
         found, _ = await visitor.ask(method, path, **headers)
         assert found == status
     assert others.stopped == []
 
 
 async def test_without_a_fleet_there_is_no_such_route(fake_daemon: FakeDaemon) -> None:
-    async with visited(fake_daemon, None) as visitor:
+    async with visited(fake_daemon) as visitor:
         assert (await visitor.ask("POST", "/elsewhere/stop", **STOP))[0] == 404
 
 
@@ -128,7 +118,9 @@ def arm_elsewhere(fake_daemon: FakeDaemon) -> Iterator[tuple[int, FakeDaemon]]:
     bridge.close()
 
 
-def test_a_router_that_comes_and_dies(arm_elsewhere: tuple[int, FakeDaemon]) -> None:
+def test_arms_appear_with_a_router_and_are_silent_after_it(
+    arm_elsewhere: tuple[int, FakeDaemon],
+) -> None:
     port, daemon = arm_elsewhere
     with closing(Router(f"tcp/127.0.0.1:{port}", 0, "jazzy")) as others:
         assert others.shown().arms == []
@@ -144,7 +136,7 @@ def test_a_router_that_comes_and_dies(arm_elsewhere: tuple[int, FakeDaemon]) -> 
 
 
 @pytest.mark.parametrize(("more", "words"), [(0, ""), (3, "3 more arms are not shown")])
-def test_who_has_no_room_is_said(more: int, words: str) -> None:
+def test_the_number_of_arms_without_room_is_shown(more: int, words: str) -> None:
     arms = [Arm(f"arm_{i:03}", frozenset({"node"})) for i in range(MOST_SHOWN + more)]
     shown = shown_of(arms, 0.0)
     assert len(shown.arms) == MOST_SHOWN
@@ -167,7 +159,7 @@ def test_stops_that_wait_are_bounded() -> None:
 
 
 @pytest.mark.parametrize("where", ["localhost:7447", "/nowhere.json5", ""])
-def test_a_router_that_is_none(where: str, tmp_path: Path) -> None:
+def test_a_wrong_router_is_refused(where: str, tmp_path: Path) -> None:
     words = ["--port", "0", "--no-recordings", "--fleet", where, str(tmp_path / "view")]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 78
@@ -178,18 +170,15 @@ def test_a_router_that_is_none(where: str, tmp_path: Path) -> None:
 # --- in a browser --------------------------------------------------------------------------------
 
 
-def test_a_tab_a_line_and_a_stop(
+def test_an_arm_elsewhere_is_a_tab_and_a_row_and_can_be_stopped(
     screens: Screens, arm: FakeDaemon, arm_elsewhere: tuple[int, FakeDaemon]
 ) -> None:
     port, daemon = arm_elsewhere
     options = ("--no-recordings", "--fleet", f"tcp/127.0.0.1:{port}")
     with page_of(arm.path, options=options) as page:
-        screen = screens.open(f"{page.url}?scene=off", PHONE, "light")
+        screen = screens.live(f"{page.url}?scene=off", PHONE)
         with router_of(port):
-            screen.live()
-            screen.until(
-                "document.querySelector('#tabs a[data-elsewhere]')?.innerText.includes('▶')"
-            )
+            screen.shows("#tabs a[data-elsewhere]", "▶")
             screen.reads("#elsewhere tbody th", "hall/left")
             screen.shows("#elsewhere tbody tr", "armed")
             screen.until("document.documentElement.scrollWidth <= innerWidth")
@@ -197,13 +186,11 @@ def test_a_tab_a_line_and_a_stop(
                 "(b => b.offsetWidth > b.offsetHeight)(document.querySelector('#elsewhere button'))"
             )
             screen.page.click("#elsewhere tbody button")
-            screen.until(
-                "document.querySelector('#elsewhere-note').innerText === 'hall/left: it stands.'"
-            )
+            screen.reads("#elsewhere-note", "hall/left: it stands.")
             screen.page.click("#stop-elsewhere")
-            screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'good'")
+            screen.data("#elsewhere-note", "kind", "good")
         screen.shows("#tabs", "silent for")
         screen.page.click("#elsewhere tbody button")
-        screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'bad'")
+        screen.data("#elsewhere-note", "kind", "bad")
         screen.shows("#elsewhere-note", "Use the emergency stop there.")
     assert [command for command, _ in daemon.seen].count("stop") >= 2

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-async def test_it_is_seen_heard_and_stops_in_firefox(arm: FakeDaemon, page: Page) -> None:
+async def test_the_page_is_live_and_stops_the_arm_in_firefox(arm: FakeDaemon, page: Page) -> None:
     arm.modes = {"stop": ["holding"]}
     async with window() as one:
         for name, size in (("desktop", DESKTOP), ("phone", PHONE)):

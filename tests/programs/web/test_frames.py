@@ -5,7 +5,6 @@ import math
 import shutil
 import struct
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from msgspec.structs import replace
 
 from daemon.protocol.state import Contact, Notice, Permit, State
 from programs.web import frames
+from tests.fake_daemon import state_at
 
 ROOT = Path(__file__).resolve().parents[3]
 READ = """
@@ -28,11 +28,11 @@ JOINTS = ["one", "two", "three"]
 
 
 @pytest.fixture
-def states(make_state: Callable[..., State]) -> list[State]:
+def states() -> list[State]:
     """Three ticks, of which the second collides and the third is armed."""
     collision = Contact(joint="two", torque=-9.0, threshold=4.0, level="collision", side="left")
     first = replace(
-        make_state(41),
+        state_at(41),
         fresh=[True, True, False],
         side=["left", "gap", "unknown"],
         sensing=[True, False, True],
@@ -109,7 +109,7 @@ def test_not_armed_has_no_time_left(states: list[State]) -> None:
     assert math.isnan(left_s)
 
 
-def test_a_state_of_before_is_taken_to_sense(states: list[State]) -> None:
+def test_a_state_of_an_older_format_is_taken_as_sensing(states: list[State]) -> None:
     old = replace(states[0], sensing=None)
     flags = frames.encode([old], JOINTS)[frames.HEADER.size + frames.TICK.size :][:3]
     assert all(flag & frames.SENSING for flag in flags)

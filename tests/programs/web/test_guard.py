@@ -84,7 +84,7 @@ def test_no_other_host_and_origin_pass(text: str) -> None:
 
 
 @pytest.mark.parametrize("headers", [{}, {COMMAND_HEADER: "disarm"}, {COMMAND_HEADER: "STOP"}])
-def test_a_command_says_itself_what_it_is(headers: dict[str, str]) -> None:
+def test_a_command_needs_a_header_with_its_name(headers: dict[str, str]) -> None:
     refusal = command_refusal("stop", headers)
     assert refusal is not None
     assert refusal.status == 403
@@ -114,7 +114,7 @@ def test_many_addresses_take_no_more_memory_and_no_more_guesses() -> None:
     assert statuses == [401] * MOST_ADDRESSES + [429] * 10
 
 
-def test_the_cookie_proves_the_token_and_does_not_tell_it() -> None:
+def test_the_cookie_proves_the_token_without_containing_it() -> None:
     check, other = TokenCheck("0123456789abcdef"), TokenCheck("0123456789abcdeg")
     assert check.admits(check.cookie)
     assert not check.admits("")

@@ -10,7 +10,7 @@ from tests.fake_daemon import snapshot_at, state_at
 
 
 @pytest.mark.parametrize("late", [1, 3, 300])
-def test_the_point_is_sought_in_few_states_however_late_they_are(late: int) -> None:
+def test_the_point_is_computed_for_few_states_however_late_they_are(late: int) -> None:
     seen = list[int]()
 
     class Finder:

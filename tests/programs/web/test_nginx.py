@@ -98,7 +98,7 @@ def wait_for(port: int, nginx: subprocess.Popen[bytes], log: Path) -> None:
             return
 
 
-def test_the_example_lets_in_whom_it_should(port: int, fake_daemon: Any) -> None:
+def test_the_example_admits_only_authorised_requests(port: int, fake_daemon: Any) -> None:
     fake_daemon.modes = {"stop": ["holding"]}
     tls = ssl.create_default_context()
     tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE  # it is the test's own

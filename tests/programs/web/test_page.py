@@ -1,4 +1,4 @@
-"""The page in a real browser: what a person sees, in every state, on a phone and on a wall."""
+"""The page in a real browser: its texts and pictures in every state, on a phone and on a wall."""
 
 import io
 import signal
@@ -15,7 +15,8 @@ from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from daemon.protocol.state import Meeting, Notice, Permit, StreamState, Wrench
+from daemon.protocol.state import Meeting, Notice, Permit, Wrench
+from tests.programs.clients.test_dashboard import STREAM
 from tests.programs.recordings.test_touch_point import POSE, pushed
 from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screen, Screens
@@ -36,30 +37,23 @@ FAULTED = {
     "permit": None,
 }
 
-SIZES = (
-    ("phone", PHONE, "light"),
-    ("phone_dark", PHONE, "dark"),
-    ("desktop", DESKTOP, "light"),
-    ("desktop_dark", DESKTOP, "dark"),
-    ("wall", WALL, "dark"),
-)
+SIZES = {
+    "phone": (PHONE, "light"),
+    "phone_dark": (PHONE, "dark"),
+    "desktop": (DESKTOP, "light"),
+    "desktop_dark": (DESKTOP, "dark"),
+    "wall": (WALL, "dark"),
+}
 
 
-@pytest.mark.parametrize(
-    ("state", "changes", "sizes"), [("armed", ARMED, SIZES), ("fault", FAULTED, SIZES[1:3])]
-)
-def test_every_size_shows_what_matters(
-    screens: Screens,
-    arm: FakeDaemon,
-    page: Page,
-    state: str,
-    changes: dict[str, Any],
-    sizes: tuple[tuple[str, tuple[int, int], str], ...],
+@pytest.mark.parametrize(("state", "names"), [("armed", list(SIZES)), ("fault", list(SIZES)[1:3])])
+def test_every_size_shows_the_state_the_fault_and_the_buttons(
+    screens: Screens, arm: FakeDaemon, page: Page, state: str, names: list[str]
 ) -> None:
-    arm.changes = changes
-    for name, size, scheme in sizes:
-        screen = screens.open(f"{page.url}?scene=off", size, scheme)
-        screen.live()
+    arm.changes = ARMED if state == "armed" else FAULTED
+    for name in names:
+        size, scheme = SIZES[name]
+        screen = screens.live(f"{page.url}?scene=off", size, scheme)
         screen.until("document.documentElement.scrollWidth <= innerWidth")
         if state == "armed":
             screen.shows("#mode", "tracking")
@@ -87,32 +81,24 @@ def test_every_size_shows_what_matters(
         screen.page.close()
 
 
-@pytest.mark.skipif(not AXE.exists(), reason="NOT TRIED: page/node_modules is not there (make web)")
-def test_a_yielding_arm_shows_the_time_that_is_left(
-    screens: Screens, arm: FakeDaemon, page: Page
-) -> None:
+def test_a_yielding_arm_shows_the_time_that_is_left(phone: Screen, arm: FakeDaemon) -> None:
     arm.changes = {**ARMED, "mode": Mode.ADMITTANCE, "quiet_s": 1.1}
-    screen = screens.open(f"{page.url}?scene=off", PHONE, "light")
-    screen.shows("#permit", "continues in 0.9 s if untouched")
+    phone.shows("#permit", "continues in 0.9 s if untouched")
 
 
+@pytest.mark.skipif(not AXE.exists(), reason="NOT TRIED: page/node_modules is not there (make web)")
 @pytest.mark.parametrize("changes", [ARMED, FAULTED], ids=["armed", "fault"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_serious(
     screens: Screens, arm: FakeDaemon, page: Page, changes: dict[str, Any], scheme: str
 ) -> None:
     arm.changes = changes
-    screen = screens.open(f"{page.url}?scene=off", DESKTOP, scheme)
-    screen.live()
+    screen = screens.live(f"{page.url}?scene=off", DESKTOP, scheme)
     screen.until("document.querySelector('#checks li')")
     assert screen.faults_of_access() == []
 
 
-def test_all_can_be_reached_by_keyboard_and_stop_comes_first(
-    screens: Screens, arm: FakeDaemon, page: Page
-) -> None:
-    screen = screens.open(f"{page.url}?scene=off")
-    screen.live()
+def test_all_can_be_reached_by_keyboard_and_stop_comes_first(screen: Screen) -> None:
     screen.until("document.querySelector('#checks summary')")
     name = "(e => e.id || e.name || e.localName)(document.activeElement)"
     found = []
@@ -122,11 +108,9 @@ def test_all_can_be_reached_by_keyboard_and_stop_comes_first(
     assert found == ["stop", "disarm", "summary", "mode", "contact", "fault", "text", "events"]
 
 
-def test_markup_from_an_arm_stays_text(screens: Screens, arm: FakeDaemon, page: Page) -> None:
+def test_markup_from_an_arm_stays_text(screen: Screen, arm: FakeDaemon) -> None:
     text = "<img src=x onerror=alert(1)><b>fault</b>"
     arm.changes = {**FAULTED, "cause": text}
-    screen = screens.open(f"{page.url}?scene=off")
-    screen.live()
     screen.shows("#fault-cause", text)
     screen.counts("img", 0)
 
@@ -134,9 +118,8 @@ def test_markup_from_an_arm_stays_text(screens: Screens, arm: FakeDaemon, page: 
 def test_several_arms_are_tabs(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:
     arm.changes = ARMED
     with page_of(arm.path, tmp_path / "other.sock") as both:
-        screen = screens.open(f"{both.url}?scene=off")
-        screen.live()
-        screen.until("document.querySelectorAll('#tabs a').length === 2")
+        screen = screens.live(f"{both.url}?scene=off")
+        screen.counts("#tabs a", 2)
         screen.shows("#tabs", "tracking, armed")
         screen.shows("#tabs", "no connection")
         screen.picture("tabs")
@@ -146,7 +129,7 @@ def test_several_arms_are_tabs(screens: Screens, arm: FakeDaemon, tmp_path: Path
         screen.picture("gone")
 
 
-def test_tabs_say_nothing_of_arms_once_their_server_is_lost(
+def test_tabs_show_no_connection_once_their_server_is_lost(
     screens: Screens, arm: FakeDaemon, tmp_path: Path
 ) -> None:
     arm.changes = ARMED
@@ -165,8 +148,7 @@ def test_tabs_say_nothing_of_arms_once_their_server_is_lost(
 
 def test_read_only_has_no_buttons(screens: Screens, arm: FakeDaemon) -> None:
     with page_of(arm.path, options=("--read-only", "--no-recordings")) as shown:
-        screen = screens.open(f"{shown.url}?scene=off")
-        screen.live()
+        screen = screens.live(f"{shown.url}?scene=off")
         screen.hides("#stop")
         screen.page.keyboard.press("Escape")
     assert "stop" not in [name for name, _ in arm.seen]
@@ -180,7 +162,6 @@ def test_the_token_is_typed_once(screens: Screens, arm: FakeDaemon, tmp_path: Pa
         screen = screens.open(asking.url)
         screen.page.fill("input", "0123456789abcdeg")
         screen.page.click("button")
-        screen.until("document.querySelector('[role=alert]') !== null")
         screen.reads("[role=alert]", "That is not the token.")
         screen.picture("token")
         screen.errors.clear()  # the browser reports the 401
@@ -191,78 +172,48 @@ def test_the_token_is_typed_once(screens: Screens, arm: FakeDaemon, tmp_path: Pa
         screen.live()
 
 
-def test_what_is_felt_is_said_above_all_joints(
-    screens: Screens, arm: FakeDaemon, page: Page
-) -> None:
+def test_detected_torques_are_shown_above_all_joints(phone: Screen, arm: FakeDaemon) -> None:
     arm.changes = {"residual": [0.1, 0.0, 0.0, -0.5, 0.0, 0.9, 0.0]}
-    screen = screens.open(f"{page.url}?scene=off", PHONE)
-    screen.live()
-    screen.reads("#felt", "Detects: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm")
+    phone.reads("#felt", "Detects: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm")
     arm.changes = {"residual": [0.1] * 7}
-    screen.reads("#felt", "Detects: nothing beyond its level")
+    phone.reads("#felt", "Detects: nothing beyond its level")
 
 
-STREAM = StreamState(
-    sender="uid 1000 (pid 42)",
-    phase="waiting",
-    target=[0.0] * 7,
-    age_s=0.01,
-    rate_hz=50.0,
-    jitter_s=0.004,
-    delay_s=0.047,
-    lost=12,
-    dropped=0,
-    bounded=0,
-    refused=0,
-    after_contact="hold",
-)
-
-
-def test_a_stream_is_shown_with_its_phase(screens: Screens, arm: FakeDaemon, page: Page) -> None:
-    arm.changes = ARMED | {"stream": STREAM}
-    screen = screens.open(f"{page.url}?scene=off", PHONE)
-    screen.live()
+def test_a_stream_is_shown_with_its_phase(phone: Screen, arm: FakeDaemon) -> None:
+    arm.changes = ARMED | {"stream": replace(STREAM, phase="waiting", target=[0.0] * 7)}
     waits = "Stream waiting: the arm stands until the stream is within 0.05 rad of it"
-    screen.begins("#stream", waits)
-    screen.picture("stream_phone")
+    phone.begins("#stream", waits)
+    phone.picture("stream_phone")
     arm.changes = ARMED | {"stream": None}
-    screen.hides("#stream")
+    phone.hides("#stream")
 
 
-def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
-    screens: Screens, arm: FakeDaemon, page: Page
+def test_the_residual_of_a_joint_that_does_not_sense_is_unknown(
+    phone: Screen, arm: FakeDaemon
 ) -> None:
-    """Its residual stands still; of it nothing is known, which is not nothing felt."""
-    deaf = {"residual": [0.0] * 6 + [0.9], "sensing": [True] * 6 + [False]}
-    arm.changes = {**deaf, "fresh": [True] * 6 + [False]}
-    screen = screens.open(f"{page.url}?scene=off", PHONE)
-    screen.live()
-    screen.reads("#felt", "Detects: unknown for LWristPitch")
-    screen.counts(".joint.beyond", 0)
-    screen.begins("article[aria-label=LWristPitch] .torque", "was +0.90 of ")
-    arm.changes = {**deaf, "sensing": [False] * 7}
-    screen.until("document.querySelector('#felt').innerText.endsWith('no joint is sensing')")
+    """Its residual is constant, and neither its last contact nor none is shown as detected."""
+    blind = {"residual": [0.0] * 6 + [0.9], "sensing": [True] * 6 + [False]}
+    arm.changes = {**blind, "fresh": [True] * 6 + [False]}
+    phone.reads("#felt", "Detects: unknown for LWristPitch")
+    phone.counts(".joint.beyond", 0)
+    phone.begins("article[aria-label=LWristPitch] .torque", "was +0.90 of ")
+    arm.changes = {**blind, "sensing": [False] * 7}
+    phone.until("document.querySelector('#felt').innerText.endsWith('no joint is sensing')")
 
 
-def test_a_guide_is_seen_by_who_leads_the_arm(
-    screens: Screens, arm: FakeDaemon, page: Page
-) -> None:
-    screen = screens.open(f"{page.url}?scene=off")
-    screen.live()
+def test_a_guide_is_shown(screen: Screen, arm: FakeDaemon) -> None:
     arm.changes = {"guide": "stiff y z; frame tool"}
     screen.shows("#guide", "Guide for a hand: stiff y z; frame tool")
     arm.changes = {}
-    screen.until("document.querySelector('#guide').hidden")
+    screen.hides("#guide")
 
 
-def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> None:
-    screen = screens.open(f"{page.url}?scene=off")
-    screen.live()
+def test_events_are_filtered(screen: Screen, arm: FakeDaemon) -> None:
     arm.changes = {"notices": [Notice(kind="contact", text="contact at LShoulderYaw")]}
     screen.until("document.querySelectorAll('#events li[data-kind=contact]').length")
     arm.changes = {}
     screen.page.uncheck("#filter [name=contact]")
-    screen.until("!document.querySelectorAll('#events li[data-kind]').length")
+    screen.counts("#events li[data-kind]", 0)
     screen.page.check("#filter [name=contact]")
     screen.page.fill("#filter [name=text]", "nothing like it")
     screen.shows("#events", "No event passes")
@@ -271,12 +222,11 @@ def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> N
 def test_a_recording_from_the_page(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     with page_of(arm.path, options=("--recordings", str(folder))) as recording:
-        screen = screens.open(f"{recording.url}?scene=off")
-        screen.live()
+        screen = screens.live(f"{recording.url}?scene=off")
         screen.page.click("#record")
         screen.shows("#record", "End")
         screen.page.click("#record")
-        screen.until("document.querySelectorAll('#recordings a').length === 1")
+        screen.counts("#recordings a", 1)
         with screen.page.expect_download() as download:
             screen.page.click("#recordings a")
         assert Path(download.value.path()).read_bytes().startswith(b"\x89MCAP")
@@ -306,8 +256,7 @@ def test_an_arm_is_drawn_whatever_its_visuals_are(
     text = (ROMEO / "arm.urdf").read_text()
     arm.urdf = text.replace("<inertial>", f"<visual>{shape}</visual><inertial>")
     with page_of(arm.path) as shown:
-        screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
-        screen.live()
+        screen = screens.live(f"{shown.url}?scene=on", (1000, 800))
         screen.until("document.querySelector('#scene').dataset.arrows !== undefined")
         screen.reads("#scene-note", "")
 
@@ -332,7 +281,7 @@ def test_an_upright_arm_is_in_the_picture_in_any_pose(
         for name, pose in poses.items():
             arm.changes = {"link_position": pose, "residual": [10.0 * x for x in levels]}
             screen.live()
-            screen.until(f"document.querySelector('#scene').dataset.arrows === '{n}'")
+            screen.data("#scene", "arrows", f"{n}")
             screen.page.wait_for_timeout(1500)
             shot = screen.page.locator("#scene canvas").screenshot(path=PICTURES / f"{name}.png")
             pixels = imread(io.BytesIO(shot))[..., :3]
@@ -342,7 +291,7 @@ def test_an_upright_arm_is_in_the_picture_in_any_pose(
             assert not edge.any(), name
 
 
-def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
+def test_the_force_at_the_tool_is_an_arrow_with_a_cone_of_its_uncertainty(
     screens: Screens, arm: FakeDaemon
 ) -> None:
     arm.urdf = (ROMEO / "arm.urdf").read_text()
@@ -354,13 +303,13 @@ def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
         screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
         arm.changes = {**ARMED, "wrench": force}
         screen.shows("#felt", "18 N ± 4 at the tool")
-        screen.until("document.querySelector('#scene').dataset.force === '18 N ± 4'")
+        screen.data("#scene", "force", "18 N ± 4")
         screen.page.wait_for_timeout(500)
         screen.picture("force")
         residual = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
         touched = {"link_position": POSE.tolist(), "residual": residual}
         arm.changes = {**ARMED, **touched, "wrench": replace(force, misfit=3.0)}
-        screen.until("document.querySelector('#scene').dataset.force === ''")
+        screen.data("#scene", "force", "")
         screen.until("document.querySelector('#scene').dataset.touch.startsWith('l_wrist ± ')")
         screen.shows("#felt", "touched at l_wrist ± ")
         screen.picture("touch")
@@ -387,12 +336,12 @@ def test_a_refused_path_is_drawn_where_two_shapes_would_meet(
         screen.page.check("#shapes input")
         arm.changes = {"meeting": there}
         screen.shows("#meeting", "Refused: it leads through")
-        screen.until("document.querySelector('#scene').dataset.meeting === 'hand table'")
+        screen.data("#scene", "meeting", "hand table")
         assert drawn(screen, lambda red: red > before + 1000)
         screen.picture("refused")
         arm.changes = {}
         screen.hides("#meeting")
-        screen.until("document.querySelector('#scene').dataset.meeting === ''")
+        screen.data("#scene", "meeting", "")
         assert drawn(screen, lambda red: red < before + 100)
 
 

@@ -5,20 +5,15 @@ from typing import Any
 
 import pytest
 
-from contactd_client.paths import view_socket_path
-from tests.programs.web.visitor import visiting
+from tests.programs.web.visitor import visited
 
 FakeDaemon = Any  # of tests/fake_daemon.py
-
-
-def door(daemon: FakeDaemon) -> Path:
-    return view_socket_path(daemon.path)
 
 
 async def test_a_recording_is_made_downloaded_and_deleted(
     fake_daemon: FakeDaemon, tmp_path: Path
 ) -> None:
-    async with visiting(door(fake_daemon), recordings=tmp_path / "made") as visitor:
+    async with visited(fake_daemon, recordings=tmp_path / "made") as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)
         status, shown = await visitor.command("/arms/0/record")
         name = shown["running"]
@@ -47,15 +42,10 @@ async def test_a_recording_is_made_downloaded_and_deleted(
         ("DISK_LEFT_BYTES", 1 << 60, "ended: the last"),
     ],
 )
-async def test_a_recording_that_came_to_a_bound_says_so(
-    fake_daemon: FakeDaemon,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    bound: str,
-    value: float,
-    why: str,
+async def test_a_recording_that_reached_its_bound_is_reported(
+    fake_daemon: FakeDaemon, tmp_path: Path, monkeypatch: Any, bound: str, value: float, why: str
 ) -> None:
-    async with visiting(door(fake_daemon), recordings=tmp_path) as visitor:
+    async with visited(fake_daemon, recordings=tmp_path) as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)
         assert (await visitor.command("/arms/0/record"))[0] == 200
         monkeypatch.setattr(f"programs.web.recordings.{bound}", value)
@@ -71,7 +61,7 @@ async def test_a_recording_never_fills_the_disk(
 ) -> None:
     monkeypatch.setattr("programs.web.recordings.MOST_BYTES", 200_000)
     monkeypatch.setattr("programs.web.recordings.ROOM_BYTES", 230_000)
-    async with visiting(door(fake_daemon), recordings=tmp_path) as visitor:
+    async with visited(fake_daemon, recordings=tmp_path) as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)
         assert (await visitor.command("/arms/0/record"))[0] == 200
         recorder = visitor.site.recorder

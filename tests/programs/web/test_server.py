@@ -6,7 +6,6 @@ import json
 import socket
 import struct
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,25 +14,20 @@ import msgspec
 import pytest
 
 from common.errors import UnreachableError
-from contactd_client.paths import view_socket_path
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Reply
-from daemon.protocol.state import State
 from programs.clients.stopping import carry_out
 from programs.web import arm, frames
 from programs.web.guard import COMMAND_HEADER
 from programs.web.serve import listen
-from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visiting
+from tests.fake_daemon import state_at
+from tests.programs.web.visitor import TIMEOUT_S, Visitor, messages, visited, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
 
-def door(daemon: FakeDaemon) -> Path:
-    return view_socket_path(daemon.path)
-
-
 async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         for path in ("/", "/page.js", "/page.css", "/scene.js", "/icon.svg"):
             assert (await visitor.ask("GET", path))[0] == 200
         for path in ("/../server.py", "/built/", "/live/7", "/arms/7/urdf", "/nothing"):
@@ -52,14 +46,14 @@ async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) ->
         await live.close()
 
 
-async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
-    fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
+async def test_the_arming_checks_are_asked_for_again_once_a_torque_changes(
+    fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Or the page says of one joint that it feels nothing, and that it feels too much to arm."""
+    """Else the page shows no torque of a joint, and a check that fails by its torque."""
     monkeypatch.setattr(arm, "STATUS_EVERY_S", 3600.0)
 
     def feel(torque: float) -> None:
-        state = make_state(0, cause=f"{torque}", thresholded=[torque] + [0.0] * 6)
+        state = state_at(0, cause=f"{torque}", thresholded=[torque] + [0.0] * 6)
         fake_daemon.states = lambda tick: msgspec.structs.replace(state, tick=tick)
 
     def asked() -> int:
@@ -70,7 +64,7 @@ async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
         return words is not None and words.cause == f"{torque}" and asked() > before
 
     feel(0.0)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         await messages(await visitor.live(), {"words", "advice"})
         for torque in [0.3, 0.0] * 3:  # more often than a visitor makes it ask
             before = asked()
@@ -79,12 +73,12 @@ async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
 
 
 @pytest.mark.parametrize("command", ["stop", "disarm"])
-async def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
+async def test_a_command_reaches_the_daemon_and_returns_its_outcome(
     fake_daemon: FakeDaemon, command: str
 ) -> None:
     fake_daemon.mode = "stopping"
     fake_daemon.modes = {command: ["stopping", "holding"]}
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         path = f"/arms/0/{command}"
         # A form of another site, one of our own, a script without the header.
         assert (await visitor.ask("POST", path, Origin="http://evil.example"))[0] == 403
@@ -97,16 +91,16 @@ async def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
         assert [name for name, _ in fake_daemon.seen].count(command) == 1
 
 
-async def test_a_joint_that_is_not_seen_to_stand_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_joint_without_confirmed_standstill_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.mode, fake_daemon.unproved = "faulted", ["LElbowYaw"]
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         _, found = await visitor.command("/arms/0/stop")
         assert (found["outcome"], found["text"]) == ("not seen to stand", "LElbowYaw")
 
 
-async def test_a_refusal_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_refusal_is_reported(fake_daemon: FakeDaemon) -> None:
     fake_daemon.refusals = {"stop": ["it is a test"]}
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         _, found = await visitor.command("/arms/0/stop")
         assert (found["outcome"], "it is a test" in found["text"]) == ("refused", True)
 
@@ -137,7 +131,7 @@ def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
         asyncio.run(visit())
 
 
-def test_a_throng_outside_the_view_socket_only_delays_a_stop(
+def test_a_full_backlog_of_the_view_socket_only_delays_a_stop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.clients.stopping.WITHIN_S", TIMEOUT_S)
@@ -179,7 +173,7 @@ def test_a_throng_outside_the_view_socket_only_delays_a_stop(
 
 
 async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), read_only=True, recordings=tmp_path) as visitor:
+    async with visited(fake_daemon, read_only=True, recordings=tmp_path) as visitor:
         for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
             status, text = await visitor.command(path)
             assert status == 403
@@ -190,14 +184,14 @@ async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Pat
 
 
 async def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         before_s = time.monotonic()
         status, text = await visitor.ask("GET", "/clock")
         assert status == 200
         assert before_s <= float(text) <= time.monotonic()
 
 
-async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
+async def test_summaries_are_sent_while_there_is_no_daemon(tmp_path: Path) -> None:
     async with visiting(tmp_path / "absent-view.sock") as visitor:
         live = await visitor.live()
         kinds: list[str] = []
@@ -206,6 +200,6 @@ async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) 
                 kinds.append(json.loads((await live.receive()).data)["kind"])
 
 
-def test_a_name_that_is_no_address_is_said_to_be_none() -> None:
+def test_an_unknown_host_name_is_reported() -> None:
     with pytest.raises(UnreachableError, match=r"on no address port 0: no such address"):
         listen("no address", 0)

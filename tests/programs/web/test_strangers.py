@@ -1,4 +1,4 @@
-"""Clients that ask the page's server without leave, too much, too slowly, or in a strange way."""
+"""Clients of the page's server without permission, too many, too slow, or with invalid requests."""
 
 import asyncio
 import contextlib
@@ -13,22 +13,49 @@ import aiohttp
 import pytest
 
 from common.errors import ConfigurationError
-from contactd_client.paths import view_socket_path
 from programs.web import server
 from programs.web.guard import COOKIE
 from programs.web.serve import settings_of
 from tests.programs.web.page_server import ticks_in
-from tests.programs.web.visitor import TIMEOUT_S, TOKEN, messages, token_file, visiting
+from tests.programs.web.visitor import (
+    DEFAULTS,
+    TIMEOUT_S,
+    TOKEN,
+    Visitor,
+    messages,
+    token_file,
+    visited,
+)
 
 FakeDaemon = Any  # of tests/fake_daemon.py
+Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
-def door(daemon: FakeDaemon) -> Path:
-    return view_socket_path(daemon.path)
+def entering(visitor: Visitor, data: Any, **headers: str) -> Any:
+    """Answer to a form with the token, without following its redirection."""
+    own = {"Origin": visitor.origin, **headers}
+    url = f"{visitor.origin}/enter"
+    return visitor.session.post(url, data=data, headers=own, allow_redirects=False)
+
+
+async def opened_to(host: str, *requests: bytes) -> list[Connection]:
+    """Connections, each with a request that it has sent."""
+    opened = []
+    for request in requests:
+        opened.append(await asyncio.open_connection(*host.split(":")))
+        opened[-1][1].write(request.replace(b"HOST", host.encode()))
+        await opened[-1][1].drain()
+    return opened
+
+
+async def close_all(opened: list[Connection]) -> None:
+    for _, writer in opened:
+        writer.close()
+    await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
 
 
 async def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         assert "asks once for its token" in (await visitor.ask("GET", "/"))[1]
         for path in ("/page.js", "/arms/0/urdf", "/recordings"):
             assert (await visitor.ask("GET", path))[0] == 401
@@ -36,17 +63,12 @@ async def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Pa
         with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
             await visitor.live()
         assert (await visitor.ask("GET", "/?token=wrong"))[0] == 401
-        url = f"{visitor.origin}/enter"
-        form = {"token": TOKEN}
-        async with visitor.session.post(
-            url, data=form, headers={"Origin": visitor.origin}, allow_redirects=False
-        ) as answer:
+        async with entering(visitor, {"token": TOKEN}) as answer:
             assert (answer.status, answer.headers["Location"]) == (303, "/")
             cookie = answer.headers["Set-Cookie"]
             assert cookie.startswith(f"{COOKIE}=")
             assert TOKEN not in cookie
-            assert "HttpOnly" in cookie
-            assert "SameSite=Strict" in cookie
+            assert {"HttpOnly", "SameSite=Strict"} <= set(cookie.split("; "))
         assert "page.js" in (await visitor.ask("GET", "/"))[1]
         assert (await visitor.command("/arms/0/stop"))[0] == 200
         assert (await visitor.ask("GET", "/?token=" + TOKEN))[0] == 303
@@ -69,33 +91,25 @@ FORM = "application/x-www-form-urlencoded"
         (b"token=" + b"x" * 5000, {"Content-Type": FORM}, 413),
     ],
 )
-async def test_no_form_upsets_it(
-    fake_daemon: FakeDaemon,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-    body: bytes,
-    headers: dict[str, str],
-    status: int,
+async def test_invalid_forms_are_refused_and_not_logged(
+    fake_daemon: FakeDaemon, tmp_path: Path, caplog: Any, body: bytes, headers: Any, status: int
 ) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         caplog.clear()
-        own = {"Origin": visitor.origin, **headers}
-        async with visitor.session.post(
-            f"{visitor.origin}/enter", data=body, headers=own, allow_redirects=False
-        ) as answer:
+        async with entering(visitor, body, **headers) as answer:
             assert answer.status == status
         assert caplog.messages == []  # nor does a stranger fill the log
 
 
 async def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+    async with visited(fake_daemon, token_file=token_file(tmp_path)) as visitor:
         found = [(await visitor.ask("GET", f"/?token=guess{i}"))[0] for i in range(8)]
         assert found == [401] * 5 + [429] * 3
         assert (await visitor.ask("GET", f"/?token={TOKEN}"))[0] == 429
 
 
-async def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+async def test_the_pages_of_an_address_are_bounded(fake_daemon: FakeDaemon) -> None:
+    async with visited(fake_daemon) as visitor:
         pages = [await visitor.live() for _ in range(server.MOST_BROWSERS_OF_ONE)]
         with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
             await visitor.live()
@@ -104,19 +118,19 @@ async def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon)
         await visitor.live()
 
 
-async def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+async def test_a_browser_that_does_not_read_costs_others_no_frame(fake_daemon: FakeDaemon) -> None:
+    async with visited(fake_daemon) as visitor:
         await visitor.until(lambda: visitor.site.arms[0].snapshot)
         # It reads nothing: a bare connection, with little room.
-        deaf = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
-        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        idle = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
+        idle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         request = (
             f"GET /live/0 HTTP/1.1\r\nHost: {visitor.origin[7:]}\r\n"
             f"Origin: {visitor.origin}\r\n"
             "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
             "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
         )
-        deaf.sendall(request.encode())
+        idle.sendall(request.encode())
         live = await visitor.live()
         await messages(live, {"hello"})
         arm = visitor.site.arms[0]
@@ -130,11 +144,11 @@ async def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: Fa
                     ticks += ticks_in(message.data)
         assert ticks == sorted(set(ticks))
         assert ticks[-1] - ticks[0] + 1 - len(ticks) <= arm.lost
-        deaf.close()
+        idle.close()
 
 
-async def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> None:
-    async with visiting(door(fake_daemon)) as visitor:
+async def test_a_browser_that_sends_on_its_stream_is_disconnected(fake_daemon: FakeDaemon) -> None:
+    async with visited(fake_daemon) as visitor:
         for words in ("hello", "x" * 100_000, None):
             live = await visitor.live()
             await (live.ping() if words is None else live.send_str(words))
@@ -144,41 +158,31 @@ async def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> No
             await visitor.until(lambda: not len(visitor.site.arms[0].audience))
 
 
-async def test_an_address_has_so_many_connections_and_the_oldest_make_room(
+async def test_the_connections_of_an_address_are_bounded_and_the_oldest_make_room(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 4)
-    async with visiting(door(fake_daemon)) as visitor:
-        port = int(visitor.origin.rsplit(":", 1)[1])
-        opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
+    async with visited(fake_daemon) as visitor:
+        opened = await opened_to(visitor.origin.removeprefix("http://"), *[b""] * 6)
         closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
         async with asyncio.timeout(TIMEOUT_S):
             assert [await end for end in closed[:2]] == [b"", b""]
         assert not any(end.done() for end in closed[2:])
-        for _, writer in opened:
-            writer.close()
+        await close_all(opened)
         await asyncio.gather(*closed)
-        await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
 
 
-async def test_half_requests_keep_no_page_from_its_stop_nor_end_its_stream(
+async def test_half_requests_neither_block_a_stop_nor_end_a_stream(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 6)
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         live = await visitor.live()
-        host = visitor.origin.removeprefix("http://")
-        opened = []
-        for said in [*RUDE.values()] * 4:
-            opened.append(await asyncio.open_connection(*host.split(":")))
-            opened[-1][1].write(said.replace(b"HOST", host.encode()))
-            await opened[-1][1].drain()
+        opened = await opened_to(visitor.origin.removeprefix("http://"), *[*RUDE.values()] * 4)
         for _ in range(3):
             assert (await visitor.command("/arms/0/stop"))[0] == 200
         await messages(live, {"hello"})
-        for _, writer in opened:
-            writer.close()
-        await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
+        await close_all(opened)
     assert [command for command, _ in fake_daemon.seen].count("stop") == 3
 
 
@@ -193,28 +197,22 @@ RUDE = {
 }
 
 
-async def test_who_takes_too_long_to_ask_is_hung_up_on(
+async def test_a_client_that_takes_too_long_to_ask_is_disconnected(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.connections.HEAD_S", 0.3)
     monkeypatch.setattr("programs.web.connections.REQUEST_S", 0.3)
-    async with visiting(door(fake_daemon)) as visitor:
-        host = visitor.origin.removeprefix("http://")
+    async with visited(fake_daemon) as visitor:
         async with asyncio.timeout(TIMEOUT_S):
             live = None
             while live is None:  # on a busy machine it may take too long itself
                 with contextlib.suppress(aiohttp.ClientError):
                     live = await visitor.live()
-            opened = []
-            for said in RUDE.values():
-                opened.append(await asyncio.open_connection(*host.split(":")))
-                opened[-1][1].write(said.replace(b"HOST", host.encode()))
-            for reader, writer in opened:
+            opened = await opened_to(visitor.origin.removeprefix("http://"), *RUDE.values())
+            for reader, _ in opened:
                 with contextlib.suppress(ConnectionError):
                     await reader.read()
-                writer.close()
-                with contextlib.suppress(ConnectionError):
-                    await writer.wait_closed()
+            await close_all(opened)
         # A stream has no end but its own.
         await messages(live, {"hello"})
         assert len(visitor.site.arms[0].audience) == 1
@@ -222,10 +220,13 @@ async def test_who_takes_too_long_to_ask_is_hung_up_on(
 
 async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
     """A browser would send a stop into one that was lost, when a phone changes its network."""
-    async with visiting(door(fake_daemon)) as visitor:
+    async with visited(fake_daemon) as visitor:
         for path in ("/", "/clock", "/nothing", "/page.js"):
             async with visitor.session.get(f"{visitor.origin}{path}") as answer:
                 assert answer.headers["Connection"] == "close"
+
+
+SETTINGS = DEFAULTS | {"view_sockets": [Path("x")], "bind": "127.0.0.1", "port": 8420}
 
 
 @pytest.mark.parametrize(
@@ -243,13 +244,11 @@ async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
         ({"view_sockets": [Path("x"), Path("y"), Path("x")]}, "x: given twice"),
     ],
 )
-def test_what_lets_others_in_unasked_or_makes_no_sense_is_refused(
+def test_settings_that_are_open_to_others_or_invalid_are_refused(
     options: dict[str, Any], text: str
 ) -> None:
-    given: dict[str, Any] = {"view_sockets": [Path("x")], "bind": "127.0.0.1", "hosts": ()}
-    given |= {"tls": False, **options}
     with pytest.raises(ConfigurationError, match=re.escape(text)):
-        settings_of(port=8420, read_only=False, token_file=None, recordings=None, **given)
+        settings_of(**SETTINGS | options)
 
 
 @pytest.mark.parametrize(
@@ -269,13 +268,4 @@ def test_a_bad_token_file_is_refused(
         path.write_text(content)
         os.chmod(path, mode)
     with pytest.raises(ConfigurationError, match=text):
-        settings_of(
-            [Path("x")],
-            bind="127.0.0.1",
-            port=8420,
-            hosts=(),
-            tls=False,
-            read_only=False,
-            token_file=path,
-            recordings=None,
-        )
+        settings_of(**SETTINGS | {"token_file": path})

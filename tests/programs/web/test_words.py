@@ -5,7 +5,6 @@ import json
 import os
 import pwd
 import re
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -27,6 +26,7 @@ from drivers.robstride.language import status_of
 from programs.clients.styles import OPERATING
 from programs.recordings.touch_point import TouchPoint
 from programs.web.words import Load, Touch, force, load, owner, words
+from tests.fake_daemon import state_at
 
 CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])
 
@@ -55,22 +55,20 @@ def test_the_owner_has_a_name() -> None:
     assert owner(permit(uid=4_000_000)) == "uid 4000000"
 
 
-def test_words_change_only_with_what_they_say(make_state: Callable[..., State]) -> None:
+def test_the_time_left_of_a_permit_changes_no_words() -> None:
     """The lease's countdown is in the frames: words are not sent anew for it."""
-    state = replace(make_state(5), armed=True, permit=permit())
-    later = replace(make_state(6), cause=state.cause, permit=permit(left_s=2.0))
+    state = replace(state_at(5), armed=True, permit=permit())
+    later = replace(state_at(6), cause=state.cause, permit=permit(left_s=2.0))
     assert words(0, state) == words(0, replace(later, mode=state.mode))
 
 
 @pytest.mark.parametrize("condition", list(Condition))
-def test_what_to_do_about_a_fault_needs_no_answer_of_its_daemon(
-    make_state: Callable[..., State], condition: Condition
-) -> None:
+def test_the_advice_for_a_fault_needs_no_answer_of_the_daemon(condition: Condition) -> None:
     for finding in (Finding(condition), Finding(condition, "LElbowRoll (left)", "3: 4 Nm")):
-        state = replace(make_state(5), cause=str(finding))
+        state = replace(state_at(5), cause=str(finding))
         assert words(0, state).advice == advice_of(condition)
     for cause in ("", "started", f"not {condition}", f"{condition}er"):
-        assert words(0, replace(make_state(5), cause=cause)).advice == ""
+        assert words(0, replace(state_at(5), cause=cause)).advice == ""
 
 
 @pytest.mark.parametrize(
@@ -97,17 +95,15 @@ PUSH = Wrench(
 )  # fmt: skip
 
 
-def test_a_point_of_contact_goes_to_the_page_where_it_is_known(
-    make_state: Callable[..., State],
-) -> None:
+def test_a_point_of_contact_goes_to_the_page_where_it_is_known() -> None:
     found = TouchPoint(
         joints=("joint",), sure=0.9, decided=True, link="arm", point=np.array([0.071, -0.004, 0.0]),
         doubt_m=0.043, force=np.zeros(3), misfit=0.5,
     )  # fmt: skip
-    shown = words(0, make_state(5), found).touch
+    shown = words(0, state_at(5), found).touch
     assert shown == Touch(link="arm", point=[0.08, 0.0, 0.0], doubt=0.04, text="arm ± 4 cm")
-    assert words(0, make_state(5), dataclasses.replace(found, doubt_m=0.2)).touch is None
-    assert words(0, make_state(5)).touch is None
+    assert words(0, state_at(5), dataclasses.replace(found, doubt_m=0.2)).touch is None
+    assert words(0, state_at(5)).touch is None
 
 
 @pytest.mark.parametrize(
@@ -120,9 +116,9 @@ def test_a_point_of_contact_goes_to_the_page_where_it_is_known(
     ],
 )
 def test_a_force_is_drawn_where_one_fits_and_the_mode_senses(
-    make_state: Callable[..., State], mode: str, changes: dict[str, Any], shown: bool
+    mode: str, changes: dict[str, Any], shown: bool
 ) -> None:
-    found = force(replace(make_state(5), mode=Mode(mode), wrench=replace(PUSH, **changes)))
+    found = force(replace(state_at(5), mode=Mode(mode), wrench=replace(PUSH, **changes)))
     assert (found is not None) == shown
     if found is not None:
         assert (found.way, found.size, found.text) == ([0.0, 0.0, -1.0], 18.0, "18 N ± 4")

@@ -3,12 +3,13 @@
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import aiohttp
 
+from contactd_client.paths import view_socket_path
 from programs.web.elsewhere_routes import Others
 from programs.web.guard import COMMAND_HEADER, HEADERS
 from programs.web.serve import listen, serving, settings_of
@@ -16,6 +17,13 @@ from programs.web.server import Site
 
 TOKEN = "0123456789abcdef0123"
 TIMEOUT_S = 20.0
+DEFAULTS: dict[str, Any] = {
+    "hosts": (),
+    "tls": False,
+    "read_only": False,
+    "token_file": None,
+    "recordings": None,
+}
 
 
 class Visitor:
@@ -58,16 +66,9 @@ class Visitor:
 async def visiting(
     *view_sockets: Path, others: Others | None = None, **options: Any
 ) -> AsyncIterator[Visitor]:
-    defaults: dict[str, Any] = {
-        "hosts": (),
-        "tls": False,
-        "read_only": False,
-        "token_file": None,
-        "recordings": None,
-    }
     with listen("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
-        settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **{**defaults, **options})
+        settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **DEFAULTS | options)
         jar = aiohttp.CookieJar(unsafe=True)
         async with (
             serving(settings, listener, others) as site,
@@ -100,3 +101,8 @@ def token_file(folder: Path) -> Path:
     path.write_text(TOKEN + "\n")
     path.chmod(0o640)
     return path
+
+
+def visited(daemon: Any, **options: Any) -> AbstractAsyncContextManager[Visitor]:
+    """A visitor of the page of one daemon."""
+    return visiting(view_socket_path(daemon.path), **options)

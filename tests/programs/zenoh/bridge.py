@@ -1,4 +1,4 @@
-"""The door to ROS 2 between any daemon's socket and a router: in a thread of this process, or as
+"""The bridge to ROS 2 between any daemon's socket and a router: in a thread of this process, or as
 one of its own."""
 
 import contextlib
@@ -91,7 +91,7 @@ class Bridge:
         self.thread.start()
 
     def heard(self, words: str) -> bool:
-        """True if it said so."""
+        """True if a line of its log contains the words."""
         return any(words in line for line in self.said)
 
     def joined(self) -> None:

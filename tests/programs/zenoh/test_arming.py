@@ -23,7 +23,7 @@ TRUE, FALSE = b"\0\1\0\0\1", b"\0\1\0\0\0\0\0\0"
 
 @dataclass
 class Call:
-    """A call from nowhere."""
+    """A call without a network."""
 
     request: bytes
     gid: bytes
@@ -123,7 +123,7 @@ def test_false_disarms_and_true_arms_again(ros: Ros) -> None:
     assert ros.armed
 
 
-def test_no_other_renews_and_everybody_may_disarm(ros: Ros) -> None:
+def test_only_the_holder_renews_and_every_caller_may_disarm(ros: Ros) -> None:
     ros.arm()
     assert ros.say(gid=B) == (False, "another client keeps it armed")
     assert ros.say(FALSE, gid=B)[0]
@@ -183,11 +183,11 @@ def test_a_daemon_that_refuses_or_is_gone(ros: Ros) -> None:
     assert ros.arm() == (False, "arm: refused; the daemon is ending")
 
 
-def test_whose_call_it_is_must_be_known(ros: Ros) -> None:
+def test_a_call_of_an_unknown_caller_does_not_arm(ros: Ros) -> None:
     assert ros.say(gid=bytes(16))[1].startswith("a call without an attachment")
     assert not ros.armed
     ros.arm()
-    assert ros.say(FALSE, gid=bytes(16))[0]  # to disarm is for everybody
+    assert ros.say(FALSE, gid=bytes(16))[0]  # any caller may disarm
     assert not ros.armed
 
 
@@ -198,11 +198,11 @@ def test_the_end_of_the_service_ends_it(ros: Ros) -> None:
 
 
 @pytest.mark.parametrize(("control", "allowed"), [(False, True), (True, False), (False, False)])
-def test_arm_needs_the_full_door_and_a_word(
+def test_arm_is_offered_only_with_the_control_socket_and_its_option(
     served: ServedDaemon, control: bool, allowed: bool
 ) -> None:
-    door = served.path if control else None
-    settings = Settings(served.path, door, NODE, (), None, allowed)
+    full = served.path if control else None
+    settings = Settings(served.path, full, NODE, (), None, allowed)
     assert "arm" not in offers(settings)
     both = Settings(served.path, served.path, NODE, (), None, arming=True)
     assert set(offers(both)) == {"stop", "disarm", "reset", "arm"}

@@ -1,6 +1,7 @@
-"""The bridge between a daemon's socket and a router, heard by zenoh-ros2-sdk, which is not ours."""
+"""The bridge between a daemon's socket and a router, with zenoh-ros2-sdk, which is not ours."""
 
 import contextlib
+import math
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from programs.zenoh.messages import outcome
 from programs.zenoh.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from programs.zenoh.serve import Settings, serve
 from programs.zenoh.services import TRIGGER
+from tests.fake_daemon import state_at
 from tests.programs.zenoh.bridge import Bridge, caller, joint_state, until
 from tests.programs.zenoh.zenoh_router import session_at
 
@@ -34,11 +36,27 @@ def service(name: str) -> str:
     return NODE.key(Endpoint(Kind.SERVICE, NODE.absolute(name), TRIGGER, Qos.DEFAULT))
 
 
-def reached(bridge: Bridge, other: zenoh.Session) -> Bridge:
+@pytest.fixture
+def bridge(fake_daemon: Any, routed: int, other: zenoh.Session, start: Any) -> Bridge:
     """The bridge, once a call of the other session reaches it; this one is refused."""
-    bridge.joined()
+    begun: Bridge = start(fake_daemon.path, routed)
+    begun.joined()
     until(lambda: list(other.get(service("disarm"), payload=b"none")))
-    return bridge
+    return begun
+
+
+def subscribed(other: zenoh.Session, name: str, kind: str) -> Callable[[], Any]:
+    """Result of a subscription: waits for the first message, and reads it by rosbags."""
+    got: list[bytes] = []
+    key = topic(name, kind)
+    other.declare_subscriber(key, lambda sample: got.append(sample.payload.to_bytes()))
+    return lambda: STORE.deserialize_cdr(until(lambda: got and got[0]), kind)
+
+
+def state_of(message: Any) -> State:
+    """State of the fake daemon from which a stamped message was made."""
+    stamp = message.header.stamp
+    return state_at(round((stamp.sec + stamp.nanosec * 1e-9 - 1.8e9) * 100))
 
 
 # --- as another program sees it ------------------------------------------------------------------
@@ -63,14 +81,10 @@ def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) 
     until(lambda: dict(discovery.get_service_names_and_types(*where)) == offered)
 
 
-def test_joint_states_are_read_and_disarm_is_called(
-    fake_daemon: Any, sdk: int, start: Any, make_state: Callable[..., State]
-) -> None:
-    bridge = start(fake_daemon.path, sdk)
-    bridge.joined()
+def test_joint_states_are_read_and_disarm_is_called(fake_daemon: Any, sdk: int, start: Any) -> None:
+    start(fake_daemon.path, sdk).joined()
     message = joint_state("/left_arm/joint_states", sdk)
-    stamp_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-    state = make_state(round((stamp_s - 1.8e9) * 100))
+    state = state_of(message)
     assert list(message.position) == state.link_position
     assert list(message.velocity) == state.link_velocity
     assert list(message.effort) == state.motor_torque
@@ -82,11 +96,9 @@ def test_joint_states_are_read_and_disarm_is_called(
     assert "disarm" in [command for command, _ in fake_daemon.seen]
 
 
-def test_an_answer_carries_the_number_and_the_gid_of_its_call(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
-) -> None:
+@pytest.mark.usefixtures("bridge")
+def test_an_answer_carries_the_number_and_the_gid_of_its_call(other: zenoh.Session) -> None:
     """By which rmw_zenoh finds who waits for it."""
-    reached(start(fake_daemon.path, routed), other)
     about = attachment(7, 1, b"a gid of 16 byte")
     (reply,) = other.get(service("stop"), payload=EMPTY, attachment=about)
     number, _, gid = read_attachment(reply.ok.attachment.to_bytes())
@@ -98,7 +110,7 @@ def test_an_answer_carries_the_number_and_the_gid_of_its_call(
 
 
 def test_every_state_arrives_in_order(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any, make_state: Any
+    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     got: list[tuple[bytes, tuple[int, int, bytes]]] = []
 
@@ -115,43 +127,34 @@ def test_every_state_arrives_in_order(
     assert len({about[2] for _, about in got}) == 1
     for payload, _ in got[:100]:
         message = STORE.deserialize_cdr(payload, "sensor_msgs/msg/JointState")
-        stamp_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-        state = make_state(round((stamp_s - 1.8e9) * 100))
-        assert list(message.effort) == state.residual
+        assert list(message.effort) == state_of(message).residual
         assert list(message.position) == []
 
 
 def test_a_contact_is_an_event(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any, make_state: Any
+    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    notices = make_state(100).notices
-    fake_daemon.states = lambda tick: make_state(tick, notices=notices if tick % 20 == 0 else [])
-    got: list[bytes] = []
-    kind = "diagnostic_msgs/msg/DiagnosticStatus"
-    other.declare_subscriber(
-        topic("contact", kind), lambda sample: got.append(sample.payload.to_bytes())
-    )
+    notices = state_at(100).notices
+    fake_daemon.states = lambda tick: state_at(tick, notices=notices if tick % 20 == 0 else [])
+    first = subscribed(other, "contact", "diagnostic_msgs/msg/DiagnosticStatus")
     start(fake_daemon.path, routed)
-    message = STORE.deserialize_cdr(until(lambda: got and got[0]), kind)
+    message = first()
     assert (message.level, message.name, message.hardware_id) == (1, "LShoulderYaw", "left_arm")
     values = {pair.key: pair.value for pair in message.values}
     assert values["torque"] == "-1.3"
     assert (values["level"], values["side"]) == ("contact", "left")
 
 
-def test_a_joint_that_senses_nothing_feels_nan(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any, make_state: Any
+def test_the_torque_of_a_joint_that_does_not_sense_is_nan(
+    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    fake_daemon.states = lambda tick: make_state(tick, sensing=[True, False] + [True] * 5)
-    got: list[bytes] = []
-    key = topic("external_torque", "sensor_msgs/msg/JointState")
-    other.declare_subscriber(key, lambda sample: got.append(sample.payload.to_bytes()))
+    fake_daemon.states = lambda tick: state_at(tick, sensing=[True, False] + [True] * 5)
+    first = subscribed(other, "external_torque", "sensor_msgs/msg/JointState")
     start(fake_daemon.path, routed)
-    message = STORE.deserialize_cdr(until(lambda: got and got[0]), "sensor_msgs/msg/JointState")
-    assert [torque != torque for torque in message.effort] == [False, True] + [False] * 5  # noqa: PLR0124
+    assert list(map(math.isnan, first().effort)) == [False, True] + [False] * 5
 
 
-def test_who_comes_late_gets_the_description(
+def test_a_late_subscriber_gets_the_description(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     bridge = start(fake_daemon.path, routed)
@@ -176,11 +179,8 @@ def test_a_daemon_that_ends_is_stale_and_comes_back(
 ) -> None:
     got = diagnostics
     bridge = start(fake_daemon.path, routed)
-    first = until(lambda: got and got[-1])
-    assert [status.name for status in first.status][:2] == [
-        "contactd: left_arm",
-        "contactd: left_arm: LShoulderPitch",
-    ]
+    names = [status.name for status in until(lambda: got and got[-1]).status]
+    assert names[:2] == ["contactd: left_arm", "contactd: left_arm: LShoulderPitch"]
     fake_daemon.stopped.set()
     stale = until(lambda: got[-1].status[0].level == 3 and got[-1])
     assert len(stale.status) == 1
@@ -194,7 +194,7 @@ def test_a_daemon_that_ends_is_stale_and_comes_back(
 
 
 def test_a_router_that_dies_and_returns(fake_daemon: Any, port: int, start: Any) -> None:
-    """The bridge goes on, the daemon's subscriber loses nothing, and what others hear resumes."""
+    """The bridge goes on, stays subscribed to the daemon, and its topics resume."""
     where = f"tcp/127.0.0.1:{port}"
     bridge = start(fake_daemon.path, port)  # there is no router yet
     for _ in range(2):
@@ -221,17 +221,10 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize(("key", "payload", "about", "words"), HOSTILE)
+@pytest.mark.usefixtures("bridge")
 def test_hostile_calls_do_nothing(
-    fake_daemon: Any,
-    routed: int,
-    other: zenoh.Session,
-    start: Any,
-    key: str,
-    payload: bytes | None,
-    about: bytes | None,
-    words: str,
+    fake_daemon: Any, other: zenoh.Session, key: str, payload: Any, about: Any, words: str
 ) -> None:
-    reached(start(fake_daemon.path, routed), other)
     replies = list(other.get(key, payload=payload, attachment=about))
     refused = [reply.err.payload.to_string() for reply in replies if reply.err is not None]
     assert refused
@@ -240,16 +233,11 @@ def test_hostile_calls_do_nothing(
 
 
 def test_a_thousand_stops_are_a_few_commands(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
+    fake_daemon: Any, other: zenoh.Session, bridge: Bridge
 ) -> None:
-    bridge = reached(start(fake_daemon.path, routed), other)
     answered: list[bool] = []
-
-    def take(reply: zenoh.Reply) -> None:
-        answered.append(reply.ok is not None)
-
     for _ in range(1000):
-        other.get(service("stop"), take, payload=EMPTY)
+        other.get(service("stop"), lambda reply: answered.append(bool(reply.ok)), payload=EMPTY)
     until(lambda: len(answered) >= 1000)
     assert any(answered)
     asked = [command for command, _ in fake_daemon.seen].count("stop")
@@ -257,11 +245,8 @@ def test_a_thousand_stops_are_a_few_commands(
     assert bridge.thread.is_alive()
 
 
-def test_nothing_that_moves_is_offered(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
-) -> None:
-    reached(start(fake_daemon.path, routed), other)
-
+@pytest.mark.usefixtures("bridge")
+def test_nothing_that_moves_is_offered(other: zenoh.Session) -> None:
     def offered() -> set[str]:
         tokens = [str(reply.ok.key_expr) for reply in other.liveliness().get("@ros2_lv/**")]
         return {token.split("/")[9] for token in tokens if token.split("/")[5] == "SS"}
@@ -272,7 +257,7 @@ def test_nothing_that_moves_is_offered(
         assert list(other.get(service(name), payload=EMPTY)) == []
 
 
-def test_another_distribution_is_said(
+def test_another_distribution_is_reported(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     token = "@ros2_lv/0/zid/0/5/MS/%/%/planner/%left_arm%joint_states/"
@@ -284,7 +269,7 @@ def test_another_distribution_is_said(
 
 
 @pytest.mark.parametrize("text", ["{", '{mode: "emperor"}', '{connect: {endpoints: ["x"]}}'])
-def test_a_file_that_zenoh_refuses(fake_daemon: Any, tmp_path: Path, text: str) -> None:
+def test_a_file_that_zenoh_refuses_is_reported(fake_daemon: Any, tmp_path: Path, text: str) -> None:
     file = tmp_path / "session.json5"
     file.write_text(text)
     settings = Settings(fake_daemon.path, None, NODE, (), file)
@@ -293,7 +278,7 @@ def test_a_file_that_zenoh_refuses(fake_daemon: Any, tmp_path: Path, text: str) 
 
 
 @pytest.mark.parametrize("where", ["", "localhost:7447", "tcp/localhost", "udp//", 'tcp/a"b:1'])
-def test_an_endpoint_that_is_none(fake_daemon: Any, where: str) -> None:
+def test_a_wrong_endpoint_is_refused(fake_daemon: Any, where: str) -> None:
     settings = Settings(fake_daemon.path, None, NODE, (where,), None)
     with pytest.raises(ConfigurationError, match="--connect "):
         serve(settings, print, threading.Event())

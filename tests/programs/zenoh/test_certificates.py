@@ -104,7 +104,7 @@ def heard(session: zenoh.Session) -> list[str]:
 @pytest.mark.parametrize(
     ("who", "may"), [("planner", {"stop", "disarm", "arm"}), ("screen", {"stop", "disarm"})]
 )
-def test_each_may_what_is_theirs(
+def test_each_certificate_has_its_own_permissions(
     arm: Bridge, session: Callable[[str], zenoh.Session], who: str, may: set[str], fake_daemon: Any
 ) -> None:
     mine = session(who)
@@ -129,7 +129,7 @@ def test_each_may_what_is_theirs(
     until(lambda: described)
 
 
-def test_who_hears_cannot_speak_for_the_arm(
+def test_a_subscriber_cannot_publish_for_the_arm(
     arm: Bridge, session: Callable[[str], zenoh.Session]
 ) -> None:
     screen, planner = session("screen"), session("planner")
@@ -150,7 +150,7 @@ def test_who_hears_cannot_speak_for_the_arm(
     assert forged == []
 
 
-def test_a_stranger_with_a_certificate_hears_and_does_nothing(
+def test_an_unlisted_certificate_gets_nothing_and_does_nothing(
     arm: Bridge, session: Callable[[str], zenoh.Session], fake_daemon: Any
 ) -> None:
     visitor, screen = session("visitor"), session("screen")
@@ -165,7 +165,7 @@ def test_a_stranger_with_a_certificate_hears_and_does_nothing(
 
 
 @pytest.mark.parametrize("how", ["no certificate", "another CA", "no TLS"])
-def test_who_is_not_known_is_not_let_in(folder: Path, secured: int, how: str) -> None:
+def test_an_unknown_client_is_refused(folder: Path, secured: int, how: str) -> None:
     text = example("zenoh-arm.json5", folder, secured, "planner")
     text = text.replace("timeout_ms: -1, exit_on_failure: false", "timeout_ms: 3000")
     lines = text.splitlines()
@@ -188,7 +188,7 @@ KEYS = [
 
 
 @pytest.mark.parametrize(("right", "wrong", "words"), KEYS)
-def test_keys_that_are_none_are_named(
+def test_wrong_key_files_are_named(
     folder: Path, tmp_path: Path, right: str, wrong: str, words: str
 ) -> None:
     text = example("zenoh-arm.json5", folder, 1, "screen")
@@ -202,7 +202,7 @@ def test_keys_that_are_none_are_named(
 
 
 def test_a_fleet_waits_for_no_router(folder: Path, tmp_path: Path, port: int) -> None:
-    """The example says that the arm waits for ever; a person who stops does not."""
+    """An arm configured as in the example waits for ever, a fleet command does not."""
     file = tmp_path / "screen.json5"
     file.write_text(example("zenoh-arm.json5", folder, port, "screen"))
     command = [sys.executable, "-m", "programs.contactd.contactd", "fleet", "--config", str(file)]

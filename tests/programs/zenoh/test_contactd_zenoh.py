@@ -1,4 +1,4 @@
-"""Command line of the door to ROS 2."""
+"""Command line of the bridge to ROS 2."""
 
 import signal
 import subprocess
@@ -24,13 +24,13 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "status", "said"), REFUSED)
-def test_what_is_wrong_is_said(words: tuple[str, ...], status: int, said: str) -> None:
+def test_wrong_options_are_reported(words: tuple[str, ...], status: int, said: str) -> None:
     result = CliRunner().invoke(main, words)
     assert result.exit_code == status
     assert said in result.output
 
 
-def test_a_file_that_is_no_configuration(tmp_path: Path) -> None:
+def test_an_invalid_configuration_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "zenoh.json5"
     file.write_text("{{")
     result = CliRunner().invoke(main, ["--config", str(file)])
@@ -38,7 +38,7 @@ def test_a_file_that_is_no_configuration(tmp_path: Path) -> None:
     assert f"contactd-zenoh: {file}: refused by Zenoh: " in result.output
 
 
-def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("programs.zenoh")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "xxhash", None)

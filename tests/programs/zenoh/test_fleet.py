@@ -1,4 +1,4 @@
-"""Fleet: who is alive, what became of a stop, and nothing that a stranger says is believed."""
+"""Fleet: arms that are alive, outcomes of a stop, and hostile messages without effect."""
 
 import contextlib
 import json
@@ -77,7 +77,7 @@ def test_the_wait_for_an_arm_ends(arm: Arm, reports_s: float, waited_s: float) -
     assert bool(found[0].mode) == (reports_s < 8.0)
 
 
-def test_what_an_arm_says_and_since_when_it_is_silent() -> None:
+def test_an_arms_diagnosis_and_the_duration_of_its_silence_are_kept() -> None:
     fleet = Fleet()
     fleet.meet("left_arm", True, "abc")
     assert fleet.arms["left_arm"].silent_s(5.0) is None  # it has just come
@@ -213,21 +213,14 @@ def test_one_arm_is_stopped(
     assert (stops(fake_daemon), stops(second)) == (0, 1)
 
 
-def test_two_of_one_name_stand_only_if_both_do(
-    fake_daemon: Any,
-    second: Any,
-    routed: int,
-    start: Callable[..., Bridge],
-    fleet: Callable[..., Result],
+def test_arms_of_one_name_stand_only_if_both_do(
+    fake_daemon: Any, second: Any, routed: int, start: Any, fleet: Callable[..., Result]
 ) -> None:
     bridges = [start(daemon.path, routed, "left") for daemon in (fake_daemon, second)]
     for bridge in bridges:
         bridge.joined()
-    until(
-        lambda: any(
-            bridge.heard("another contactd-zenoh has --namespace /left:") for bridge in bridges
-        )
-    )
+    warning = "another contactd-zenoh has --namespace /left:"
+    until(lambda: any(bridge.heard(warning) for bridge in bridges))
     until(lambda: "alive, 2 of this name" in fleet("--json").output)
     fleet("--stop", "left")
     until(lambda: fleet("--stop", "left").exit_code == 0)
@@ -236,28 +229,22 @@ def test_two_of_one_name_stand_only_if_both_do(
         one.unproved = ["LElbowRoll"]
         done = fleet("--stop", both)
         assert done.exit_code == 1
-        assert (
-            "left                     not seen to stand (not seen to stand: LElbow" in done.output
-        )
+        assert f"{'left':24} not seen to stand (not seen to stand: LElbow" in done.output
         one.unproved = []
 
 
-def test_all_arms_are_stopped_and_each_says_what_became_of_it(
+def test_all_arms_are_stopped_and_each_outcome_is_shown(
     arms: list[Bridge], fleet: Callable[..., Result], fake_daemon: Any, second: Any
 ) -> None:
     done = fleet("--stop", "--all", "--json")
     assert done.exit_code == 0
-    assert json.loads(done.output) == {
-        "left": {"outcome": "stands", "text": "stands"},
-        "right": {"outcome": "stands", "text": "stands"},
-    }
+    stands = {"outcome": "stands", "text": "stands"}
+    assert json.loads(done.output) == {"left": stands, "right": stands}
     assert (stops(fake_daemon), stops(second)) == (1, 1)
     second.unproved = ["LElbowRoll"]
     done = fleet("--stop", "--all")
     assert done.exit_code == 1
-    assert (
-        "right                    not seen to stand (not seen to stand: LElbowRoll)" in done.output
-    )
+    assert f"{'right':24} not seen to stand (not seen to stand: LElbowRoll)" in done.output
     second.stopped.set()
     done = fleet("--stop", "left", "right", "absent")
     assert done.exit_code == 1
@@ -267,7 +254,7 @@ def test_all_arms_are_stopped_and_each_says_what_became_of_it(
     assert lines["absent"] == "no answer"
 
 
-def test_without_arms_and_without_a_router(fleet: Callable[..., Result], port: int) -> None:
+def test_no_arm_and_no_router_are_reported(fleet: Callable[..., Result], port: int) -> None:
     assert fleet().exit_code == 69
     no_one = fleet("--stop", "--all")
     assert (no_one.exit_code, no_one.output) == (69, "contactd: no arm is alive at this router\n")
@@ -284,18 +271,17 @@ WRONG = [("left",), ("--stop",), ("--stop", "--all", "left"), ("--watch", "--jso
 
 
 @pytest.mark.parametrize("words", WRONG)
-def test_what_means_nothing_is_refused(words: tuple[str, ...]) -> None:
+def test_contradictory_options_are_refused(words: tuple[str, ...]) -> None:
     result = CliRunner().invoke(contactd.main, ["fleet", *words])
     assert result.exit_code == 2
     assert "--watch, --stop ARM..., or --stop --all" in result.output
 
 
-def test_arms_of_another_distribution_are_there_and_not_heard(
+def test_arms_of_another_distribution_are_listed_without_messages(
     arms: list[Bridge], fleet: Callable[..., Result]
 ) -> None:
-    def rows() -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = json.loads(fleet("--json", "--distro", "humble").output)
-        return found
+    def rows() -> Any:
+        return json.loads(fleet("--json", "--distro", "humble").output)
 
     until(lambda: [row["arm"] for row in rows()] == ["left", "right"])
     assert {row["text"] for row in rows()} == {"no message yet; does it use another --distro?"}
@@ -321,7 +307,7 @@ def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
     opened.close()
 
 
-def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None:
+def test_a_hostile_answer_does_not_confirm_standstill(other: zenoh.Session, routed: int) -> None:
     """Answers on an arm's behalf, and what is no message."""
     answers = iter([b"", b"\0\1\0\0", outcome(False, "\x1b[2J"), None])
 
@@ -331,9 +317,8 @@ def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None
 
     service = Endpoint(Kind.SERVICE, "/left_arm/stop", TRIGGER, Qos.DEFAULT)
     other.declare_queryable(NODE.key(service), reply)
-    diagnostics = Endpoint(
-        Kind.PUBLISHER, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT
-    )
+    kind = "diagnostic_msgs/msg/DiagnosticArray"
+    diagnostics = Endpoint(Kind.PUBLISHER, "/diagnostics", kind, Qos.DEFAULT)
     with (
         contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as session,
         Supervisor(session, 0, Distro.JAZZY) as supervisor,
@@ -351,7 +336,7 @@ def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None
     assert found[2][1] == "?[2J"
 
 
-def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("programs.zenoh")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "zenoh", None)
@@ -363,7 +348,7 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
-    """As without namespaces; what one says does not count for the other."""
+    """As without namespaces; the answer of one does not count for the other."""
     node = Node(0, "/left", "contactd", Distro.JAZZY)
     key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
     asked: set[bool] = set()
@@ -387,4 +372,4 @@ def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
         for _ in range(3):
             asked.clear()
             assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
-            until(lambda: asked == {True, False})  # what one says is enough to end it
+            until(lambda: asked == {True, False})  # one answer is enough to end it

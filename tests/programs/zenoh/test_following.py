@@ -1,4 +1,4 @@
-"""Targets from the network: whose are followed, in which order of joints, and when no more."""
+"""Targets from the network: publishers that are followed, orders of joints, and ends."""
 
 import errno
 import itertools
@@ -102,7 +102,7 @@ def test_an_error_of_the_machine_refuses_and_ends_nothing() -> None:
     assert network.lines[-1].sent
 
 
-def test_one_publisher_at_a_time() -> None:
+def test_only_one_publisher_is_followed_at_a_time() -> None:
     network = Network()
     network.send()
     for _ in range(30):
@@ -115,7 +115,7 @@ def test_one_publisher_at_a_time() -> None:
     ]
 
 
-def test_a_silent_publisher_is_hung_up_on() -> None:
+def test_the_stream_of_a_silent_publisher_is_ended() -> None:
     network = Network()
     network.send()
     network.following.look(network.now_s + SILENT_S + 0.01)
@@ -132,10 +132,9 @@ def test_other_joints_are_refused(names: list[str], position: tuple[float, ...])
         in_order(JointTarget(0.0, names, list(position), []), JOINTS)
 
 
-@pytest.mark.parametrize("publisher", [bytes(16)])
-def test_a_publisher_without_a_name_is_refused(publisher: bytes) -> None:
+def test_a_publisher_without_a_name_is_refused() -> None:
     network = Network()
-    network.send(publisher=publisher)
+    network.send(publisher=bytes(16))
     assert network.lines == []
 
 
@@ -151,7 +150,7 @@ def test_a_publisher_without_a_name_is_refused(publisher: bytes) -> None:
     ],
     ids=["empty", "header", "cut off", "NaN", "infinite", "a million names"],
 )
-def test_no_bytes_break_it(payload: bytes) -> None:
+def test_invalid_payloads_are_refused(payload: bytes) -> None:
     network = Network()
     network.send(payload or b"\0")
     assert network.lines == [] or network.lines[0].sent == []

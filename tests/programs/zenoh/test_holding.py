@@ -1,4 +1,4 @@
-"""Hold: who keeps the arm armed by calling, for how long, and who has to let go first."""
+"""Hold: the caller that keeps the arm armed, the length of its lease, and its release."""
 
 import pytest
 from hypothesis import given
@@ -42,14 +42,14 @@ def begin(hold: Hold, now_s: float, caller: bytes = A, *, late_s: float = 0.0) -
     return first if first.why != ONCE else say(hold, now_s, caller, late_s=late_s)
 
 
-def test_the_first_call_arms_nothing_and_those_that_follow_do_and_renew() -> None:
+def test_the_first_call_arms_nothing_and_later_ones_arm_and_renew() -> None:
     hold = Hold()
     steps = [say(hold, 0.2 * i).step for i in range(5)]
     assert steps == [Step.NOTHING, Step.NOTHING, Step.ARM, Step.RENEW, Step.RENEW]
 
 
 @pytest.mark.parametrize("faster", [0.0, 0.3, 0.8, 1.2, 3.0])
-def test_what_was_kept_on_its_way_arms_nothing(faster: float) -> None:
+def test_delayed_calls_arm_nothing(faster: float) -> None:
     """A router that hung lets through what a caller sent that is gone: all at once, or in its own
     time."""
     hold = Hold()
@@ -64,14 +64,14 @@ def test_calls_too_far_apart_arm_nothing() -> None:
     assert {say(hold, i * (HOLD_S + 0.01)).why for i in range(20)} == {ONCE}
 
 
-def test_those_who_call_once_are_not_remembered_for_ever() -> None:
+def test_the_number_of_remembered_first_calls_is_bounded() -> None:
     hold = Hold()
     for i in range(2 * MOST_FIRST_CALLS):
         say(hold, float(i), i.to_bytes(16))
     assert len(hold._first_calls) == MOST_FIRST_CALLS
 
 
-def test_no_one_takes_over_what_is_held() -> None:
+def test_no_other_caller_takes_over_the_hold() -> None:
     hold = Hold()
     begin(hold, 0.0)
     assert say(hold, HOLD_S - 0.01, B).why == "another client keeps it armed"
@@ -79,7 +79,7 @@ def test_no_one_takes_over_what_is_held() -> None:
     assert say(hold, 2.1, A).why == RELEASE_FIRST  # it was silent for too long
 
 
-def test_who_lost_it_lets_go_first() -> None:
+def test_a_caller_that_lost_the_hold_must_release_first() -> None:
     hold = Hold()
     begin(hold, 0.0)
     hold.lose()
@@ -89,7 +89,7 @@ def test_who_lost_it_lets_go_first() -> None:
     assert begin(hold, 101.0).step is Step.ARM
 
 
-def test_anybody_may_disarm_and_the_other_has_lost_it() -> None:
+def test_any_caller_may_disarm_and_the_holder_loses_the_hold() -> None:
     hold = Hold()
     begin(hold, 0.0)
     assert say(hold, 0.1, B, armed=False).step is Step.DISARM
@@ -97,14 +97,14 @@ def test_anybody_may_disarm_and_the_other_has_lost_it() -> None:
     assert begin(hold, 1.0, B).step is Step.ARM
 
 
-def test_who_lets_go_by_itself_may_arm_again() -> None:
+def test_a_caller_that_released_may_arm_again() -> None:
     hold = Hold()
     begin(hold, 0.0)
     say(hold, 0.1, armed=False)
     assert begin(hold, 1.0).step is Step.ARM
 
 
-def test_what_waited_on_its_way_is_worth_less() -> None:
+def test_the_lease_is_shorter_by_the_delay_of_the_call() -> None:
     hold = Hold()
     begin(hold, 0.0, late_s=0.3)
     assert say(hold, 0.2, late_s=0.1).lease_s == pytest.approx(HOLD_S)  # its fastest
@@ -115,7 +115,7 @@ def test_what_waited_on_its_way_is_worth_less() -> None:
 
 @pytest.mark.parametrize("hertz", [5.0, 20.0, 200.0])
 @pytest.mark.parametrize("let_through", [0.5, 0.8, 0.95, 0.99])
-def test_a_way_that_grows_longer_and_longer_is_seen(hertz: float, let_through: float) -> None:
+def test_a_delay_that_grows_is_detected(hertz: float, let_through: float) -> None:
     """A link that lets fewer calls through than are sent keeps ever more of them; their caller may
     be gone long before they are through."""
     hold = Hold()
@@ -135,7 +135,7 @@ def test_a_way_that_grows_longer_and_longer_is_seen(hertz: float, let_through: f
     assert way_s > HOLD_S / 2  # what is short is borne
 
 
-def test_clocks_that_drift_apart_cost_nothing() -> None:
+def test_drift_between_clocks_shortens_no_lease() -> None:
     hold = Hold()
     begin(hold, -0.2)
     for i in range(5 * 3600):
@@ -144,7 +144,7 @@ def test_clocks_that_drift_apart_cost_nothing() -> None:
         assert lease_s == pytest.approx(HOLD_S)
 
 
-def test_who_comes_too_late_to_renew_has_lost_it() -> None:
+def test_a_caller_that_renews_too_late_has_lost_the_hold() -> None:
     """As when the caller's clock is set back: its calls are late by that for ever."""
     hold = Hold()
     begin(hold, 0.0)
@@ -154,7 +154,7 @@ def test_who_comes_too_late_to_renew_has_lost_it() -> None:
     assert begin(hold, 2.0, late_s=60.0).step is Step.ARM
 
 
-def test_those_who_lost_it_are_not_remembered_for_ever() -> None:
+def test_the_number_of_remembered_losers_is_bounded() -> None:
     hold = Hold()
     for i in range(2 * MOST_LOST):
         begin(hold, 2.0 * i, i.to_bytes(16))

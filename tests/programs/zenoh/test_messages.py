@@ -212,7 +212,7 @@ def test_hashes_are_those_that_rosbags_computes(name: str) -> None:
 
 
 @given(TIMES, st.lists(DIAGNOSES, max_size=4), st.booleans(), NAMES)
-def test_what_is_written_is_read(
+def test_written_messages_are_read(
     wall_s: float, diagnoses: list[Diagnosis], done: bool, text: str
 ) -> None:
     assert read_diagnostic_array(diagnostic_array(wall_s, diagnoses)) == diagnoses
@@ -222,14 +222,14 @@ def test_what_is_written_is_read(
 
 
 @given(st.binary(max_size=80), st.booleans())
-def test_what_is_no_message_is_an_error_and_no_surprise(payload: bytes, headed: bool) -> None:
+def test_invalid_bytes_raise_only_cdr_errors(payload: bytes, headed: bool) -> None:
     for read in (read_diagnostic_array, read_diagnostic_status, read_outcome):
         with contextlib.suppress(CdrError):
             read(b"\0\1\0\0" + payload if headed else payload)
 
 
 @given(st.data(), DIAGNOSES)
-def test_a_damaged_message_is_an_error_or_another(
+def test_a_damaged_message_is_an_error_or_another_message(
     data: st.DataObject, diagnosis: Diagnosis
 ) -> None:
     payload = bytearray(diagnostic_status(diagnosis))
@@ -243,7 +243,7 @@ def test_a_damaged_message_is_an_error_or_another(
     "payload",
     [b"\0\1\0\0" + b"\xff" * 60, b"\0\1\0\0" + bytes(1 << 18), b"\0\7\0\0\0", b"\0\1\0\0\4"],
 )
-def test_what_claims_too_much_is_refused(payload: bytes) -> None:
+def test_lengths_beyond_the_payload_are_refused(payload: bytes) -> None:
     with pytest.raises(CdrError):
         read_diagnostic_status(payload)
 
@@ -266,7 +266,7 @@ def test_a_flag_of_others_is_read(flag: bool, more: int) -> None:
 
 
 @given(st.binary(max_size=12), st.booleans())
-def test_what_is_no_flag_is_an_error(payload: bytes, headed: bool) -> None:
+def test_invalid_bytes_are_a_flag_or_an_error(payload: bytes, headed: bool) -> None:
     with contextlib.suppress(CdrError):
         assert read_flag(b"\0\1\0\0" + payload if headed else payload) in (True, False)
 

@@ -1,4 +1,4 @@
-"""Names of rmw_zenoh: keys, tokens, attachments, and mismatches that are said."""
+"""Names of rmw_zenoh: keys, tokens, attachments, and reported mismatches."""
 
 import pytest
 from hypothesis import given
@@ -72,7 +72,7 @@ def test_attachments_read_back_elsewhere(sequence: int, wall_ns: int, gid: bytes
 
 
 @given(st.binary(max_size=40))
-def test_an_attachment_that_is_none(packet: bytes) -> None:
+def test_an_invalid_attachment_is_refused(packet: bytes) -> None:
     if len(packet) == 33 and packet[16] == 16:
         assert read_attachment(packet)[2] == packet[17:]
         return
@@ -100,7 +100,7 @@ MISMATCHES = [
 
 
 @pytest.mark.parametrize(("token", "words"), MISMATCHES)
-def test_what_never_hears_us_is_said(token: str, words: str) -> None:
+def test_a_mismatching_subscriber_is_reported(token: str, words: str) -> None:
     said = mismatch(NODE, STATES, token)
     assert said.startswith(words)
     assert bool(said) is bool(words)
@@ -109,7 +109,7 @@ def test_what_never_hears_us_is_said(token: str, words: str) -> None:
 @pytest.mark.parametrize(
     "text", ["", "arm", "/", "/a/b_2", "/2a", "/a/", "//", "/a*", "/ä", "/a\n"]
 )
-def test_a_namespace_is_one_of_ros(text: str) -> None:
+def test_only_namespaces_valid_in_ros_are_accepted(text: str) -> None:
     if text in ("/", "/a/b_2"):
         assert checked_namespace(text) == text
     else:

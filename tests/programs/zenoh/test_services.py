@@ -1,4 +1,4 @@
-"""Services: bounded, never more than their doors, and a flood of calls is a few commands."""
+"""Services: bounded, within their socket's permissions; many calls are a few commands."""
 
 import threading
 import time
@@ -17,7 +17,7 @@ TRIGGER = b"\0\1\0\0\0"
 
 @dataclass
 class Call:
-    """A call from nowhere."""
+    """A call without a network."""
 
     request: bytes = TRIGGER
     caller: str = "ROS 2 client 00"
@@ -68,7 +68,7 @@ def test_a_flood_is_a_few_commands_and_each_call_has_one_answer() -> None:
     assert gate.done == 2
 
 
-def test_what_waits_at_the_end_is_reported() -> None:
+def test_calls_that_wait_at_the_end_are_answered() -> None:
     gate = Gate()
     service = Service("stop", trigger(gate))
     service.put(Call())
@@ -106,7 +106,7 @@ def test_an_action_that_fails_is_answered_and_the_next_call_is_carried_out() -> 
 
 
 @pytest.mark.parametrize("request_", [b"", b"\0\1\0", b"\0" * 9, b"\xff" * 5])
-def test_what_is_no_request_does_nothing(request_: bytes) -> None:
+def test_an_invalid_request_does_nothing(request_: bytes) -> None:
     gate = Gate()
     gate.open.set()
     service = Service("stop", trigger(gate))
@@ -121,7 +121,7 @@ def commands(daemon: Any) -> list[str]:
     return [command for command, _ in daemon.seen if command != "status"]
 
 
-def test_the_view_door_stops_and_disarms_and_nothing_else(fake_daemon: Any) -> None:
+def test_the_view_socket_offers_only_stop_and_disarm(fake_daemon: Any) -> None:
     offered = actions(view_socket_path(fake_daemon.path), None)
     assert set(offered) == {"stop", "disarm"}
     assert offered["stop"]("ROS 2 client 00") == (True, "stands")
@@ -129,7 +129,7 @@ def test_the_view_door_stops_and_disarms_and_nothing_else(fake_daemon: Any) -> N
     assert commands(fake_daemon) == ["stop", "disarm"]
 
 
-def test_an_arm_that_is_not_seen_to_stand_is_no_success(fake_daemon: Any) -> None:
+def test_a_stop_without_confirmed_standstill_is_no_success(fake_daemon: Any) -> None:
     fake_daemon.unproved = ["LElbowRoll"]
     offered = actions(view_socket_path(fake_daemon.path), None)
     assert offered["stop"]("x") == (False, "not seen to stand: LElbowRoll")
@@ -147,7 +147,7 @@ def test_reset_needs_the_control_socket(fake_daemon: Any) -> None:
     assert "the view socket takes only" in said
 
 
-def test_a_daemon_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_daemon_is_reported(tmp_path: Path) -> None:
     offered = actions(tmp_path / "view", tmp_path / "control")
     for name in ("stop", "disarm", "reset"):
         done, said = offered[name]("x")

@@ -31,7 +31,7 @@ def running(served: ServedDaemon) -> Iterator[ServedDaemon]:
 
 
 @pytest.mark.parametrize("silence", SILENCES.values(), ids=SILENCES)
-def test_silence_ends_it(running: ServedDaemon, silence: Callable[[Way], None]) -> None:
+def test_silence_ends_the_hold(running: ServedDaemon, silence: Callable[[Way], None]) -> None:
     machine = running.rig.tick.controller.machine
     with way_to(running.path) as way:
         until(lambda: machine.armed)
