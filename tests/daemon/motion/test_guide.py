@@ -322,7 +322,7 @@ def test_stands_where_a_position_is_not_known_and_does_not_begin_there(
     q[0] = np.nan
     led = Led(model, gain, SHAPES["line"])
     led.guide.begin(q)
-    assert not led.guide.begun
+    assert not led.guide.started
     np.testing.assert_array_equal(led(q, v), 0.0 * v)
     assert np.isfinite(led(middle, v)).all()
 

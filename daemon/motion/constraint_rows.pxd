@@ -1,4 +1,4 @@
-# Types of back_rows.py, for the compiler alone.
+# Types of constraint_rows.py, for the compiler alone.
 
 cimport cython
 
@@ -7,14 +7,14 @@ cdef extern from "math.h":
 
 cdef double _RIGID, _TINY, _FLAT, _REACH
 
-cdef class BackRows:
+cdef class ConstraintRows:
     cdef Py_ssize_t _n
     cdef double[:, ::1] A, _S
-    cdef double[::1] c, goal, ahead, back, y
+    cdef double[::1] c, goal, excess, spring, force
 
     @cython.locals(mean=double, least=double, flat=double, beyond=double)
     cdef double factor(self, Py_ssize_t rows, const double[:] gain) noexcept
-    cdef void ask(self, Py_ssize_t rows, const double[:] v) noexcept
-    cdef void push(
-        self, Py_ssize_t rows, const double[:] gain, double[::1] ahead, double[::1] out
+    cdef void measure_excess(self, Py_ssize_t rows, const double[:] v) noexcept
+    cdef void correction(
+        self, Py_ssize_t rows, const double[:] gain, double[::1] velocity, double[::1] out
     ) noexcept

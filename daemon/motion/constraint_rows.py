@@ -1,8 +1,8 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Rows of velocities that push back, as a guide's held directions do.
+"""Constraint rows of a guide: combinations of joint velocities, each of which has a goal.
 
-Ordinary Python, which runs as it is; `back_rows.pxd` names types for the compiler.
+Ordinary Python, which runs as it is; `constraint_rows.pxd` names types for the compiler.
 """
 
 from math import sqrt
@@ -17,14 +17,14 @@ _RIGID, _TINY = 1e-5, 1e-12  # least compliance, over the mean mobility of rows;
 _FLAT, _REACH = 1e-4, 0.09
 
 
-class BackRows:
+class ConstraintRows:
     """Up to `most` rows `A` (most, n), each with its compliance `c` over its own mobility, the
-    velocity that is its `goal`, the one `ahead` of that, and that of a spring `back`."""
+    velocity that is its `goal`, the `excess` over it, that of its `spring`, and its `force`."""
 
     def __init__(self, most: int, n: int) -> None:
         self._n = n
         self.A, self._S = np.zeros((most, n)), np.zeros((most, most))
-        self.c, self.goal, self.ahead, self.back, self.y = np.zeros((5, most))
+        self.c, self.goal, self.excess, self.spring, self.force = np.zeros((5, most))
 
     def factor(self, rows: int, gain: Vector) -> float:
         """S = A K A^T + C as its Cholesky factor; returns the least mobility of a rigid row beside
@@ -51,18 +51,19 @@ class BackRows:
             S[r, r] = sqrt(S[r, r])
         return float(least)
 
-    def ask(self, rows: int, v: Vector) -> None:
+    def measure_excess(self, rows: int, v: Vector) -> None:
         """Velocity of each row beyond its goal, as v (n,) has it."""
         for r in range(rows):
-            self.ahead[r] = -self.goal[r]
+            self.excess[r] = -self.goal[r]
             for i in range(self._n):
-                self.ahead[r] += self.A[r, i] * v[i]
+                self.excess[r] += self.A[r, i] * v[i]
 
-    def push(self, rows: int, gain: Vector, ahead: Vector, out: Vector) -> None:
-        """Velocity K A^T y into out, of forces y = S^-1 ahead."""
-        S, y = self._S, self.y
+    def correction(self, rows: int, gain: Vector, velocity: Vector, out: Vector) -> None:
+        """Velocity K A^T force into out, by which the rows have this `velocity` (rows,), and the
+        force S^-1 velocity of each."""
+        S, y = self._S, self.force
         for r in range(rows):
-            y[r] = ahead[r]
+            y[r] = velocity[r]
             for s in range(r):
                 y[r] -= S[r, s] * y[s]
             y[r] /= S[r, r]
