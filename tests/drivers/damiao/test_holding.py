@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from common.arrays import Vector
 from common.errors import DriveError
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import Go
-from daemon.service.poses import Poses
 from drivers.can.wire import Frame, Wire
-from drivers.damiao.frames import ANSWERS, ENABLE, Register, Status, setpoint_of
+from drivers.damiao.frames import ANSWERS, ENABLE, Register, setpoint_of
+from tests.drivers.motors.one_arm import RAISED, furthest, hold_at, powered
 
-#: Where gravity pulls at every large joint.
-RAISED = {"joint1": -0.9, "joint2": -0.5, "joint4": 0.9}
 STILL = 0.01  # the way of a link that is held [rad]
 
 
@@ -60,28 +56,9 @@ def held() -> Iterator[Held]:
         held.tap = Tap(wire)
         return held.tap
 
-    with lockstep_rig(OPENARM, between=between) as rig:
-        held.rig = rig
-        rig.enable()
-        path = Poses(rig.robot).path(Go(targets=RAISED), rig.samples.link_position)
-        assert not rig.tick.controller.request(Event.START, "the test", rig.time_s, path)
-        rig.run(9.0)
-        assert rig.mode is Mode.HOLDING
+    with lockstep_rig(OPENARM, between=between) as held.rig:
+        hold_at(held.rig, RAISED)
         yield held
-
-
-def furthest(rig: Rig, seconds: float) -> Vector:
-    begun, most = rig.arm.plant.q.copy(), np.zeros(rig.arm.plant.n)
-
-    def each() -> None:
-        np.maximum(most, np.abs(rig.arm.plant.q - begun), out=most)
-
-    rig.run(seconds, each)
-    return most
-
-
-def enabled(rig: Rig) -> list[bool]:
-    return [motor.status == Status.ENABLED for motor in rig.arm.motors]
 
 
 def longest_gaps(tap: Tap, since: float) -> list[float]:
@@ -99,7 +76,7 @@ def longest_gaps(tap: Tap, since: float) -> list[float]:
 def test_a_daemon_that_takes_up_an_arm_that_holds_does_not_move_it(held: Held) -> None:
     held.rig.take_up(held.rig.robot)
     assert furthest(held.rig, 1.0).max() < STILL
-    assert all(enabled(held.rig))
+    assert all(powered(held.rig))
 
 
 def test_nor_where_the_first_samples_are_lost(held: Held) -> None:
@@ -125,7 +102,7 @@ def test_a_hold_before_the_first_sample_sends_nothing(held: Held) -> None:
 def test_motors_whose_set_up_is_doubted_go_on_holding(held: Held) -> None:
     held.rig.drives.distrust(range(7))
     assert furthest(held.rig, 2.0).max() < STILL
-    assert all(enabled(held.rig))
+    assert all(powered(held.rig))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -40.0])
@@ -139,7 +116,7 @@ def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, va
     assert held.rig.mode is Mode.HOLDING
 
 
-def test_a_motor_that_is_not_heard_is_not_enabled() -> None:
+def test_a_motor_that_is_not_heard_is_not_powered() -> None:
     taps: list[Tap] = []
 
     def between(wire: Wire) -> Wire:
@@ -184,4 +161,4 @@ def test_a_minute_off_and_enabled_again(held: Held) -> None:
     assert furthest(rig, 60.0).max() < STILL
     assert rig.ask(Event.ENABLE) == []
     assert furthest(rig, 1.0).max() < STILL
-    assert all(enabled(rig))
+    assert all(powered(rig))
