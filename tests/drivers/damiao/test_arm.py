@@ -39,7 +39,7 @@ def test_a_motor_that_is_not_as_configured_is_refused(
         arm.rig.drives.boot_up(lambda line: None)
 
 
-def test_what_a_reset_took_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
+def test_a_reset_motor_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
     rig = arm.rig
     rig.run(0.1)
     rig.arm.motors[1].boot()
@@ -82,7 +82,7 @@ def test_a_daemon_that_ends_leaves_joints_that_hold_by_themselves(arm: Filtered)
     assert np.abs(rig.arm.plant.q - before).max() < 0.005
 
 
-def test_a_hand_winds_no_setpoint_up(arm: Filtered) -> None:
+def test_a_push_against_a_holding_joint_keeps_its_setpoint_near(arm: Filtered) -> None:
     rig = arm.rig
     rig.enable()
     rig.run(0.5)
@@ -132,7 +132,7 @@ def test_a_lost_answer_is_one_missing_sample(moving: Filtered, lost: int) -> Non
     assert rig.mode is Mode.TRACKING, cause(rig)
 
 
-def test_two_motors_with_one_id_are_noticed(moving: Filtered) -> None:
+def test_two_motors_with_one_id_stop_the_arm(moving: Filtered) -> None:
     wire, doubled = moving.filter.wire, 17 + JOINT
 
     class Twice:

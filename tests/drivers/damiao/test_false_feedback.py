@@ -68,7 +68,7 @@ def falsify(wire: Falsified, kind: str, frames: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("frames", [1, 2])
-def test_a_tick_of_it_moves_nothing(kind: str, frames: int) -> None:
+def test_up_to_two_false_feedbacks_move_nothing(kind: str, frames: int) -> None:
     def run(rig: Rig, wire: Falsified) -> None:
         falsify(wire, kind, frames)
         assert furthest(rig, 1.5).max() < STILL
@@ -79,7 +79,7 @@ def test_a_tick_of_it_moves_nothing(kind: str, frames: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("frames", [10, 400])
-def test_more_of_it_faults_the_arm_which_goes_on_holding(kind: str, frames: int) -> None:
+def test_ten_false_feedbacks_fault_the_arm_which_goes_on_holding(kind: str, frames: int) -> None:
     def run(rig: Rig, wire: Falsified) -> None:
         falsify(wire, kind, frames)
         # The output bears out a whole turn: p follows then, as fast as the joint may move.

@@ -1,4 +1,4 @@
-"""Motors that hold while the daemon begins, asks, doubts or ends: they go on holding."""
+"""Motors that hold: they go on while the daemon begins, asks, doubts their set-up, or ends."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -62,7 +62,7 @@ def held() -> Iterator[Held]:
 
 
 def longest_gaps(tap: Tap, since: float) -> list[float]:
-    """Longest time that each motor heard no setpoint [s]."""
+    """Longest time without a setpoint for each motor [s]."""
     gaps = []
     for motor in range(1, 8):
         at = [t for t, i, data in tap.sent if i == motor and t >= since and setpoint_of(data)]
@@ -79,13 +79,13 @@ def test_a_daemon_that_takes_up_an_arm_that_holds_does_not_move_it(held: Held) -
     assert all(powered(held.rig))
 
 
-def test_nor_where_the_first_samples_are_lost(held: Held) -> None:
+def test_no_motor_moves_where_the_first_samples_are_lost(held: Held) -> None:
     rig = held.rig
     rig.take_up(rig.robot)
     held.tap.lost = {ANSWERS + 1, ANSWERS + 2, ANSWERS + 4}
     assert furthest(rig, 0.03).max() < STILL
     heard = {i for _, i, data in held.tap.sent if setpoint_of(data)}
-    assert heard.isdisjoint({1, 2, 4})  # no p is known that would hold them
+    assert heard.isdisjoint({1, 2, 4})  # no position is known that would hold them
     held.tap.lost = set()
     assert furthest(rig, 1.0).max() < STILL
 
@@ -106,7 +106,7 @@ def test_motors_whose_set_up_is_doubted_go_on_holding(held: Held) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -40.0])
-def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, value: float) -> None:
+def test_a_false_value_of_an_output_encoder_is_a_missing_sample(held: Held, value: float) -> None:
     held.tap.output = (ANSWERS + 2, value)
     assert furthest(held.rig, 0.02).max() < STILL
     assert held.rig.samples.fresh.tolist() == [True, False, *[True] * 5]
@@ -116,7 +116,7 @@ def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, va
     assert held.rig.mode is Mode.HOLDING
 
 
-def test_a_motor_that_is_not_heard_is_not_powered() -> None:
+def test_a_motor_without_an_answer_is_not_enabled() -> None:
     taps: list[Tap] = []
 
     def between(wire: Wire) -> Wire:
@@ -143,7 +143,7 @@ def test_setpoints_reach_all_motors_while_one_stays_silent(held: Held) -> None:
     assert max(longest_gaps(held.tap, begun)) < 0.05  # at 0.1 they let go
 
 
-def test_and_while_the_watch_on_them_ends(held: Held) -> None:
+def test_setpoints_reach_all_motors_while_their_time_outs_are_switched_off(held: Held) -> None:
     rig = held.rig
     rig.arm.motors[0].silent = True
     begun = held.tap.waited_s

@@ -71,7 +71,7 @@ def held(request: pytest.FixtureRequest) -> Iterator[tuple[Rig, Falsified, int]]
 
 @pytest.mark.parametrize("velocity", [2.0, -6.0])
 @pytest.mark.parametrize("frames", [2, 60, 400])
-def test_no_power_is_cut_and_nothing_moves(
+def test_a_false_velocity_cuts_no_power_and_moves_nothing(
     held: tuple[Rig, Falsified, int], velocity: float, frames: int
 ) -> None:
     rig, wire, joint = held
@@ -85,7 +85,7 @@ def test_no_power_is_cut_and_nothing_moves(
 
 @pytest.mark.parametrize("held", [BEAM], ids=["robstride"], indirect=True)
 @pytest.mark.parametrize("frames", [2, 10, 400])
-def test_a_place_that_no_output_bears_out_moves_a_joint_little(
+def test_a_false_position_that_the_output_contradicts_moves_a_joint_little(
     held: tuple[Rig, Falsified, int], frames: int
 ) -> None:
     rig, wire, joint = held

@@ -123,7 +123,7 @@ def test_hot_motors_are_lowered_slowly_until_they_bear_nothing(rig: Rig) -> None
     assert guardian(rig).guardian.unloaded
 
 
-def test_one_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
+def test_a_guardian_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
     held = guardian(rig).guardian
     without_the_daemon(rig, 0.5)
     assert not held.unloaded
@@ -189,7 +189,7 @@ def first_ticks(rig: Rig, drives: MotorArm, seconds: float) -> float:
     return furthest
 
 
-def test_a_daemon_that_starts_anew_takes_an_arm_over_that_the_guardian_holds(rig: Rig) -> None:
+def test_a_restarted_daemon_takes_over_an_arm_that_the_guardian_holds(rig: Rig) -> None:
     without_the_daemon(rig, 0.5)
     drives = restarted(rig)
     assert all(powered(rig))
@@ -221,7 +221,7 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     assert all(powered(rig))
 
 
-def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig) -> None:
+def test_without_a_guardian_a_start_does_not_move_an_arm_that_holds(rig: Rig) -> None:
     with rig.lockstep.serving():
         rig.drives.disable_monitoring()
     guardian(rig).killed = True
@@ -233,7 +233,7 @@ def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig)
     assert first_ticks(rig, drives, 1.0) < 0.1
 
 
-def test_it_says_on_the_bus_that_it_is_there(rig: Rig) -> None:
+def test_its_heartbeat_is_sent_every_20_ms(rig: Rig) -> None:
     beats = [message for message in heard(rig, 0.2) if message == (BEAT, b"\0")]
     assert len(beats) == pytest.approx(10, abs=1)
 

@@ -73,7 +73,7 @@ def test_every_motor_has_a_number_of_its_own(arm: Filtered) -> None:
     assert len(set(arm.rig.drives.serials)) == 6
 
 
-def test_what_a_restart_took_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
+def test_a_restarted_motor_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
     rig = arm.rig
     rig.run(0.1)
     motor = rig.arm.motors[JOINT]
@@ -90,7 +90,7 @@ def test_what_a_restart_took_is_set_up_again_before_the_arm_is_enabled(arm: Filt
 # --- in order -------------------------------------------------------------------------------------
 
 
-def test_a_tick_is_a_setpoint_for_each_motor(moving: Filtered) -> None:
+def test_each_tick_sends_one_setpoint_to_each_motor(moving: Filtered) -> None:
     requests: list[int] = []
     send = moving.filter.wire.send
 
@@ -117,7 +117,7 @@ def test_motors_that_are_enabled_do_not_jump(arm: Filtered, keeps: bool) -> None
     assert all(powered(rig))
 
 
-def test_a_hand_is_felt_and_yielded_to(moving: Filtered) -> None:
+def test_a_push_is_detected_and_yielded_to(moving: Filtered) -> None:
     rig = moving.rig
     assert rig.permit() == []
     rig.arm.external_torque[JOINT] = 4.0
@@ -185,7 +185,7 @@ class Lossy(dict[int, float]):
             super().__setitem__(parameter, value)
 
 
-def test_a_lost_frame_leaves_no_motor_that_lets_go_after_the_end(arm: Filtered) -> None:
+def test_a_lost_frame_leaves_no_motor_with_a_time_out(arm: Filtered) -> None:
     rig = arm.rig
     for motor in rig.arm.motors:
         motor.parameters = Lossy(motor.parameters)
@@ -204,7 +204,7 @@ class Stubborn(dict[int, float]):
 
 
 @pytest.mark.parametrize("model", ["says it", "says 0", "has no answer"])
-def test_a_time_out_that_stays_is_named_where_the_model_says_it(
+def test_a_time_out_that_stays_is_named_where_it_can_be_read(
     arm: Filtered, monkeypatch: pytest.MonkeyPatch, model: str
 ) -> None:
     rig = arm.rig

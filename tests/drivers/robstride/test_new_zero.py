@@ -43,7 +43,7 @@ def test_a_motor_that_gets_another_zero_stays_where_it_is(rig: Rig, at: float) -
         rig.drives.prove(lambda: None, str, str)
 
 
-def test_one_that_gets_it_while_no_daemon_runs_is_held_by_the_guardian(rig: Rig) -> None:
+def test_a_motor_that_gets_another_zero_without_a_daemon_is_held_by_the_guardian(rig: Rig) -> None:
     hold_at(rig, {"joint2": -1.0})
     without_the_daemon(rig, 0.3)
     zero(rig)
