@@ -39,14 +39,16 @@ def contact(doubt: Doubt, size: float = 0.3, **seen: Any) -> int:
         (0.9, 0.7, ENDED, 1.0),
     ],
 )
-def test_a_contact_that_is_over(size: float, believed: float, verdict: int, value: float) -> None:
+def test_a_contact_that_ended_raises_doubt_unless_it_exceeded_the_stated_level(
+    size: float, believed: float, verdict: int, value: float
+) -> None:
     doubt = Doubt(1)
     assert contact(doubt, size, believed=believed) == verdict
     assert doubt.value[0] == value
 
 
 @pytest.mark.parametrize("velocity", [0.3, -0.3])
-def test_it_ends_with_motion_that_agrees_in_the_direction_that_was_interrupted(
+def test_doubt_ends_with_agreeing_motion_in_the_interrupted_direction(
     velocity: float,
 ) -> None:
     doubt = Doubt(1)
@@ -59,7 +61,7 @@ def test_it_ends_with_motion_that_agrees_in_the_direction_that_was_interrupted(
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_both_directions_are_owed_where_the_joint_stood() -> None:
+def test_both_directions_must_agree_where_the_joint_stood() -> None:
     doubt = Doubt(1)
     contact(doubt, moving=False)
     run(doubt, 5.0, q=1.0, velocity=0.3)
@@ -68,7 +70,7 @@ def test_both_directions_are_owed_where_the_joint_stood() -> None:
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_a_direction_that_disagrees_is_owed_anew() -> None:
+def test_a_direction_that_disagrees_must_agree_again() -> None:
     doubt = Doubt(1)
     contact(doubt, velocity=0.3)
     step(doubt, q=1.0, velocity=-0.3, residual=0.15)
@@ -78,14 +80,14 @@ def test_a_direction_that_disagrees_is_owed_anew() -> None:
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_at_rest_it_stays() -> None:
+def test_doubt_stays_at_rest() -> None:
     doubt = Doubt(1)
     contact(doubt)
     run(doubt, 60.0, moving=False)
     assert doubt.at(0, 1.0) == 1.0
 
 
-def test_what_exceeds_the_lowered_level_keeps_it_up() -> None:
+def test_a_residual_beyond_the_lowered_level_keeps_the_doubt() -> None:
     doubt = Doubt(1)
     contact(doubt)
     for _ in range(20):
@@ -140,21 +142,21 @@ def test_a_contact_that_comes_again_at_once_is_one(apart_s: float, counted: int)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
+def test_a_residual_that_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
     doubt = Doubt(1)
     contact(doubt, q=5.0)
     assert FRICTION not in run(doubt, 0.1, velocity=0.3, residual=0.2 * sign)
     assert FRICTION in run(doubt, 0.1, velocity=-0.3, residual=-0.2 * sign)
 
 
-def test_what_pulls_one_way_is_none() -> None:
+def test_a_residual_of_one_sign_is_no_friction() -> None:
     doubt = Doubt(1)
     contact(doubt, q=5.0)
     for velocity in (0.3, -0.3, 0.3, -0.3):
         assert FRICTION not in run(doubt, 0.5, velocity=velocity, residual=0.2)
 
 
-def test_a_contact_that_lasts_for_long_raises_it() -> None:
+def test_a_long_contact_raises_doubt() -> None:
     doubt = Doubt(1)
     run(doubt, 9.9, touched=True, residual=0.3)
     assert doubt.value[0] == 0.0
@@ -162,7 +164,7 @@ def test_a_contact_that_lasts_for_long_raises_it() -> None:
     assert doubt.value[0] == 1.0
 
 
-def test_a_person_who_holds_it_for_long_does_not() -> None:
+def test_a_long_contact_beyond_the_stated_level_raises_no_doubt() -> None:
     doubt = Doubt(1)
     run(doubt, 60.0, touched=True, residual=0.9)
     assert doubt.value[0] == 0.0
@@ -213,7 +215,7 @@ def test_a_margin_fades_in_motion_that_needs_none() -> None:
     assert doubt.margin[0] == pytest.approx(0.4 / np.e, rel=0.02)
 
 
-def test_friction_that_is_another_is_found_below_the_margin() -> None:
+def test_changed_friction_is_found_below_the_margin() -> None:
     doubt = Doubt(1)
     doubt.widen(0, True)
     assert FRICTION not in run(doubt, 1.0, velocity=0.3, residual=-0.12)

@@ -231,7 +231,7 @@ def test_velocity_follows_the_interpolated_setpoint(master: Make) -> None:
         assert counts * drive.axis.unit == pytest.approx(0.3, abs=0.03)
 
 
-def test_it_holds_gravity_without_humming(master: Make) -> None:
+def test_a_drive_holds_gravity_without_oscillation(master: Make) -> None:
     one = master()
     one.enable()
     for _ in range(200):

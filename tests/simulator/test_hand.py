@@ -96,7 +96,8 @@ def test_the_torque_of_a_hand_that_leads_is_limited(
     strongest: list[float], friction: Any, asked: float | None, pulled: list[float]
 ) -> None:
     """By its friction, too: the contact level of an identified joint is some share of it."""
-    limits = {"strongest": np.array(strongest), "friction": friction and np.array(friction)}
+    limits = {"strongest": np.array(strongest)}
+    limits |= {"friction": np.array(friction)} if friction else {}
     one = Hand((), NAMES, np.full(2, 10.0), **limits)
     words = one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=asked))
     if friction:

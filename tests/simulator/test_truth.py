@@ -123,7 +123,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: d.pop("joints"), "the true arm is missing .* --write-truth"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_simulated_is_refused_and_never_another_make(edit, says, tmp_path):
+def test_a_truth_that_cannot_be_simulated_is_refused(edit, says, tmp_path):
     folder = generate(0).write(tmp_path / "arm")
     change(folder, edit)
     with pytest.raises(ConfigurationError, match=says):
@@ -149,7 +149,7 @@ def test_a_file_of_before_is_refused_with_the_words_to_change_it_and_kept(tmp_pa
     assert "move simulation.yaml and simulation.urdf away first" in again.output
 
 
-def test_what_the_daemon_is_going_to_refuse_of_the_arm_is_said_with_the_way_out(tmp_path):
+def test_drives_that_the_daemon_will_refuse_are_reported_with_a_remedy(tmp_path):
     folder = generate(0).write(tmp_path / "arm")
     assert refused_drives(load_robot(folder), true_arm(load_robot(folder))[1]) == []
     text, found = re.subn(
