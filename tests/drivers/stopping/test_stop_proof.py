@@ -198,7 +198,7 @@ def test_a_cut_lasts_until_the_drive_may_run() -> None:
 def test_a_hand_that_moves_a_stopped_drive_leads_to_no_stronger_stage(
     velocity_at: Speed, options: dict[str, Any]
 ) -> None:
-    """Of a drive under power, beyond its travel of 0.24 rad; without power, as far as it likes."""
+    """Beyond its travel of 0.24 rad under power, and without power as far as the hand goes."""
     found = Course(velocity_at, **options)
     assert (found.begun, found.cut) == ([], [])
     assert "ticks" not in options or not found.watch.proved
