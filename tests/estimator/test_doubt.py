@@ -48,9 +48,7 @@ def test_a_contact_that_ended_raises_doubt_unless_it_exceeded_the_stated_level(
 
 
 @pytest.mark.parametrize("velocity", [0.3, -0.3])
-def test_doubt_ends_with_agreeing_motion_in_the_interrupted_direction(
-    velocity: float,
-) -> None:
+def test_doubt_ends_with_agreeing_motion_in_the_interrupted_direction(velocity: float) -> None:
     doubt = Doubt(1)
     contact(doubt, velocity=velocity)
     run(doubt, 60.0, q=1.0, velocity=-velocity, residual=0.05)

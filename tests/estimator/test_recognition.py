@@ -95,8 +95,7 @@ def confirmed_s(
 
 
 def test_a_load_is_confirmed_by_two_more_seconds_of_motion_and_forgotten_as_a_whole(
-    recognition: Recognition,
-    romeo: Model,
+    recognition: Recognition, romeo: Model
 ) -> None:
     assert run(recognition, load(0.5), 0.0, 10.0) is not None
     assert not recognition.confirmed

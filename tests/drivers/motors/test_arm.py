@@ -8,15 +8,7 @@ from daemon.modes.table import Event, Mode
 from drivers.robstride.frames import Kind, identifier
 from simulator.damiao import motor as damiao
 from simulator.robstride import motor as robstride
-from tests.drivers.motors.one_arm import (
-    DAMIAO,
-    ROBSTRIDE,
-    Filtered,
-    Make,
-    cause,
-    powered,
-    stands,
-)
+from tests.drivers.motors.one_arm import DAMIAO, ROBSTRIDE, Filtered, Make, cause, powered, stands
 
 
 @pytest.fixture(params=[DAMIAO, ROBSTRIDE], ids=str)
