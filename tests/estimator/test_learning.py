@@ -65,9 +65,13 @@ class Joint:
         return float(corrected)
 
 
+@pytest.fixture
+def joint() -> Joint:
+    return Joint()
+
+
 @pytest.mark.parametrize(("coulomb", "viscous"), [(1.25, 0.8), (0.7, 1.0), (1.0, 1.4)])
-def test_an_error_of_the_friction_is_learned(coulomb: float, viscous: float) -> None:
-    joint = Joint()
+def test_an_error_of_the_friction_is_learned(joint: Joint, coulomb: float, viscous: float) -> None:
     assert joint.learning.error(0) == pytest.approx(0.65)
     corrected = joint.swing(60.0, coulomb=coulomb, viscous=viscous, noise=0.05)
     assert abs(corrected) < 0.03
@@ -77,16 +81,14 @@ def test_an_error_of_the_friction_is_learned(coulomb: float, viscous: float) -> 
 
 @pytest.mark.parametrize("load", [0.05, 0.15, 0.4])
 @pytest.mark.parametrize("coulomb", [1.0, 1.3])
-def test_friction_of_load_is_learned_apart(load: float, coulomb: float) -> None:
-    joint = Joint()
+def test_friction_of_load_is_learned_apart(joint: Joint, load: float, coulomb: float) -> None:
     corrected = joint.swing(120.0, coulomb=coulomb, transmitted=8.0, load=load, noise=0.05)
     assert joint.learning.load(0) == pytest.approx(load, abs=0.015)
     assert joint.learning.friction(0) == pytest.approx(coulomb, abs=0.08)
     assert abs(corrected) < 0.05
 
 
-def test_learned_friction_of_load_raises_what_is_unknown_with_the_load() -> None:
-    joint = Joint()
+def test_learned_friction_of_load_raises_what_is_unknown_with_the_load(joint: Joint) -> None:
     joint.swing(120.0, transmitted=8.0, load=0.2, noise=0.05)
     unknown = []
     for transmitted in (0.0, 2.0, 8.0):
@@ -97,14 +99,12 @@ def test_learned_friction_of_load_raises_what_is_unknown_with_the_load() -> None
     assert per_load == pytest.approx([0.3 * joint.learning.load(0)] * 2, rel=1e-6)
 
 
-def test_friction_that_falls_with_load_is_not_learned() -> None:
-    joint = Joint()
+def test_friction_that_falls_with_load_is_not_learned(joint: Joint) -> None:
     joint.swing(120.0, transmitted=8.0, load=-0.05, noise=0.05)
     assert joint.learning.load(0) == 0.0
 
 
-def test_friction_of_a_gear_that_warms_up_is_followed() -> None:
-    joint = Joint()
+def test_friction_of_a_gear_that_warms_up_is_followed(joint: Joint) -> None:
     joint.swing(60.0, coulomb=1.2)
     joint.swing(180.0, coulomb=0.9)
     assert joint.learning.friction(0) == pytest.approx(0.9, abs=0.03)
@@ -122,9 +122,8 @@ def test_a_constant_push_is_not_learned_as_friction(push: float, noise: float) -
 
 
 @pytest.mark.parametrize("push", [0.2, 0.38])
-def test_a_push_that_comes_and_goes_is_hardly_corrected(push: float) -> None:
+def test_a_push_that_comes_and_goes_is_hardly_corrected(joint: Joint, push: float) -> None:
     """For five of every twelve seconds, at any phase of the motion."""
-    joint = Joint()
     joint.swing(60.0)
     for _ in range(50):
         taken = push - joint.swing(5.0, push=push)
@@ -132,17 +131,15 @@ def test_a_push_that_comes_and_goes_is_hardly_corrected(push: float) -> None:
         joint.swing(7.0)
 
 
-def test_errors_of_friction_are_learned_beside_errors_of_masses() -> None:
+def test_errors_of_friction_are_learned_beside_errors_of_masses(joint: Joint) -> None:
     """Their part of the residual follows the pose, over seconds."""
-    joint = Joint()
     for k in range(600):
         joint.swing(0.5, coulomb=1.2, viscous=0.8, push=0.15 * np.sin(0.23 * k))
     assert joint.learning.friction(0) == pytest.approx(1.2, abs=0.05)
     assert 1.0 - joint.learning.shares[0, 1] == pytest.approx(0.8, abs=0.15)
 
 
-def test_nothing_is_learned_from_a_possible_touch() -> None:
-    joint = Joint()
+def test_nothing_is_learned_from_a_possible_touch(joint: Joint) -> None:
     joint.swing(60.0)
     shares = np.array(joint.learning.shares)
     joint.swing(20.0, push=0.9)  # beyond the level
@@ -167,16 +164,14 @@ def test_less_is_learned_while_friction_near_rest_is_uncertain() -> None:
 
 
 @pytest.mark.parametrize("how", [{"touched": False}, {"speed": 0.04}])
-def test_nothing_is_learned_at_rest_or_in_the_gap(how: dict[str, Any]) -> None:
-    joint = Joint()
+def test_nothing_is_learned_at_rest_or_in_the_gap(joint: Joint, how: dict[str, Any]) -> None:
     joint.swing(20.0, coulomb=1.2, **how)
     assert not np.any(joint.learning.shares)
 
 
-def test_learned_friction_is_forgotten_in_a_night() -> None:
+def test_learned_friction_is_forgotten_in_a_night(joint: Joint) -> None:
     """All is kept for a minute of rest, most for half an hour; nothing for a night, in which a gear
     cools down."""
-    joint = Joint()
     joint.swing(600.0, coulomb=1.4, noise=0.05)
     learning = joint.learning
     learned, left, level = learning.friction(0), learning.coulomb_left[0], learning.needed.level(0)
@@ -197,9 +192,8 @@ def test_learned_friction_is_forgotten_in_a_night() -> None:
 @pytest.mark.parametrize("hours", [0.5, 8.0])
 @pytest.mark.parametrize(("warm", "cold"), [(0.6, 1.0), (0.8, 1.2), (1.0, 1.4)])
 def test_a_gear_that_cooled_down_makes_no_false_contact(
-    warm: float, cold: float, hours: float
+    joint: Joint, warm: float, cold: float, hours: float
 ) -> None:
-    joint = Joint()
     joint.swing(600.0, coulomb=warm, noise=0.05)
     assert (joint.beyond, joint.learning.needed.level(0)) == (0, pytest.approx(0.2, abs=0.05))
     joint.rest(3600.0 * hours)
@@ -208,15 +202,13 @@ def test_a_gear_that_cooled_down_makes_no_false_contact(
     assert joint.learning.friction(0) == pytest.approx(cold, abs=0.06)
 
 
-def test_shares_are_bounded_for_any_friction() -> None:
-    joint = Joint()
+def test_shares_are_bounded_for_any_friction(joint: Joint) -> None:
     for step in range(1, 40):  # so slowly that it is never beyond half of the level
         joint.swing(60.0, coulomb=1.0 + 0.05 * step)
     assert np.abs(joint.learning.shares)[0, 1:].max() == pytest.approx(1.2)
 
 
-def test_unknown_friction_shrinks_and_is_none_at_rest() -> None:
-    joint = Joint()
+def test_unknown_friction_shrinks_and_is_none_at_rest(joint: Joint) -> None:
     joint.swing(1.5)
     before = float(joint.learning.unknown[0])
     assert 0.4 < before < 0.9
@@ -225,8 +217,7 @@ def test_unknown_friction_shrinks_and_is_none_at_rest() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
-def test_non_finite_and_huge_input_is_not_learned(bad: float) -> None:
-    joint = Joint()
+def test_non_finite_and_huge_input_is_not_learned(joint: Joint, bad: float) -> None:
     joint.swing(30.0, coulomb=1.2)
     joint.learning.step(0, bad, bad, bad, DT, POLE, SHARE)
     assert_relearns(joint)
@@ -242,8 +233,7 @@ def assert_relearns(joint: Joint) -> float:
     return before
 
 
-def test_input_too_large_to_be_solved_is_forgotten() -> None:
-    joint = Joint()
+def test_input_too_large_to_be_solved_is_forgotten(joint: Joint) -> None:
     joint.learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
     joint.learning.needed.quiet_s[0] = 1.0
     assert assert_relearns(joint) == pytest.approx(0.65)

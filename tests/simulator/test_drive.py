@@ -16,6 +16,11 @@ Make = Callable[..., Any]
 MOVING = np.array([0.4, 0.2, 0.5, -0.3, 0.3, 0.2, 0.4])
 
 
+@pytest.fixture
+def one(master: Make) -> Any:
+    return master()
+
+
 def moving(master: Make, **set_up: int) -> Any:
     """An arm in operation enabled, and at speed."""
     one = master()
@@ -36,8 +41,7 @@ def emergencies(one: Any, since: int = 0) -> list[tuple[int, int]]:
     ]
 
 
-def test_boot_up_messages(master: Make) -> None:
-    one = master()
+def test_boot_up_messages(one: Any) -> None:
     assert [(f.arbitration_id, bytes(f.data)) for f in one.frames] == [
         (0x700 + n, b"\0") for n in range(1, 8)
     ]
@@ -47,8 +51,7 @@ def test_boot_up_messages(master: Make) -> None:
 @pytest.mark.parametrize(
     ("command", "nmt"), [(1, Nmt.OPERATIONAL), (2, Nmt.STOPPED), (128, Nmt.PRE_OPERATIONAL)]
 )
-def test_nmt_of_one_node_and_of_all(master: Make, command: int, nmt: Nmt) -> None:
-    one = master()
+def test_nmt_of_one_node_and_of_all(one: Any, command: int, nmt: Nmt) -> None:
     one.send(0, bytes([command, 4]))
     assert [d.nmt is nmt for d in one.arm.drives] == [
         d.node == 4 or nmt is Nmt.PRE_OPERATIONAL for d in one.arm.drives
@@ -57,8 +60,7 @@ def test_nmt_of_one_node_and_of_all(master: Make, command: int, nmt: Nmt) -> Non
     assert all(d.nmt is nmt for d in one.arm.drives)
 
 
-def test_no_sdo_when_stopped_and_no_pdo_when_not_operational(master: Make) -> None:
-    one = master()
+def test_no_sdo_when_stopped_and_no_pdo_when_not_operational(one: Any) -> None:
     one.set_up()
     one.send(0, b"\x80\x00")
     assert one.tick() == {}
@@ -66,8 +68,7 @@ def test_no_sdo_when_stopped_and_no_pdo_when_not_operational(master: Make) -> No
     assert one.send(0x601, struct.pack("<BHBI", 0x40, 0x1000, 0, 0)) == []
 
 
-def test_reset_node_forgets_reset_communication_forgets_the_bus_part(master: Make) -> None:
-    one = master()
+def test_reset_node_forgets_reset_communication_forgets_the_bus_part(one: Any) -> None:
     one.set_up()
     one.send(0, b"\x82\x01")
     assert one.read(1, 0x1400, 1, "I") == 0x201
@@ -77,8 +78,7 @@ def test_reset_node_forgets_reset_communication_forgets_the_bus_part(master: Mak
     assert one.read(1, 0x1018, 4, "I") == 1
 
 
-def test_heartbeat_in_simulated_time(master: Make) -> None:
-    one = master()
+def test_heartbeat_in_simulated_time(one: Any) -> None:
     one.write(2, 0x1017, 0, "H", 50)
     before = len(one.frames)
     one.arm.advance(1.0)
@@ -211,8 +211,7 @@ def test_nmt_stop_is_a_lost_connection_too(master: Make) -> None:
     assert {d.state for d in one.arm.drives} == {State.QUICK_STOP_ACTIVE}
 
 
-def test_velocity_follows_the_interpolated_setpoint(master: Make) -> None:
-    one = master()
+def test_velocity_follows_the_interpolated_setpoint(one: Any) -> None:
     one.enable()
     for _ in range(50):
         one.tick(0x0F, 0.0)
@@ -231,8 +230,7 @@ def test_velocity_follows_the_interpolated_setpoint(master: Make) -> None:
         assert counts * drive.axis.unit == pytest.approx(0.3, abs=0.03)
 
 
-def test_a_drive_holds_gravity_without_oscillation(master: Make) -> None:
-    one = master()
+def test_a_drive_holds_gravity_without_oscillation(one: Any) -> None:
     one.enable()
     for _ in range(200):
         one.tick(0x0F, 0.0)
@@ -244,8 +242,7 @@ def test_a_drive_holds_gravity_without_oscillation(master: Make) -> None:
     assert np.abs(one.arm.plant.q - one.arm.plant.parameters.initial_position).max() < 0.06
 
 
-def test_current_limit_and_its_bit(master: Make) -> None:
-    one = master()
+def test_current_limit_and_its_bit(one: Any) -> None:
     one.enable()
     one.write(1, 0x6073, 0, "H", 100)
     answers = {}
@@ -257,8 +254,7 @@ def test_current_limit_and_its_bit(master: Make) -> None:
     assert abs(one.arm.servo.current[0]) <= 0.1 * 2.0 + 1e-12
 
 
-def test_speed_limit_of_6080(master: Make) -> None:
-    one = master()
+def test_speed_limit_of_6080(one: Any) -> None:
     one.enable()
     one.write(1, 0x6080, 0, "I", 100)
     one.tick(0x0F, 5.0)
@@ -266,8 +262,7 @@ def test_speed_limit_of_6080(master: Make) -> None:
     assert one.arm.servo.target[0] == pytest.approx(100 * 2 * np.pi / 60 / 150)
 
 
-def test_without_mode_9_nothing_moves(master: Make) -> None:
-    one = master()
+def test_without_mode_9_nothing_moves(one: Any) -> None:
     one.set_up()
     for node in range(1, 8):
         one.write(node, 0x6060, 0, "b", 0)

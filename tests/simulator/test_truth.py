@@ -20,6 +20,11 @@ from programs.simulate.simulated_robot import describe, read_simulation, refused
 from simulator.state_machine import State
 
 
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return generate(0).write(tmp_path / "arm")
+
+
 def written(folder: Path) -> dict:
     return yaml.safe_load((folder / "simulation.yaml").read_text())
 
@@ -123,8 +128,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: d.pop("joints"), "the true arm is missing .* --write-truth"),
     ],
 )  # fmt: skip
-def test_a_truth_that_cannot_be_simulated_is_refused(edit, says, tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_a_truth_that_cannot_be_simulated_is_refused(folder, edit, says, tmp_path):
     change(folder, edit)
     with pytest.raises(ConfigurationError, match=says):
         true_arm(load_robot(folder))
@@ -149,8 +153,7 @@ def test_a_file_of_before_is_refused_with_the_words_to_change_it_and_kept(tmp_pa
     assert "move simulation.yaml and simulation.urdf away first" in again.output
 
 
-def test_drives_that_the_daemon_will_refuse_are_reported_with_a_remedy(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_drives_that_the_daemon_will_refuse_are_reported_with_a_remedy(folder, tmp_path):
     assert refused_drives(load_robot(folder), true_arm(load_robot(folder))[1]) == []
     text, found = re.subn(
         r"rated_current_A: \S+",
@@ -169,8 +172,7 @@ def test_drives_that_the_daemon_will_refuse_are_reported_with_a_remedy(tmp_path)
     assert way.endswith(f"`contactd simulate {folder} --write-truth`")
 
 
-def test_a_truth_cannot_be_written_of_setpoints_elsewhere(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_a_truth_cannot_be_written_of_setpoints_elsewhere(folder, tmp_path):
     (folder / "simulation.yaml").unlink()
     text = (folder / "config.yaml").read_text()
     sign = "    quick_stop_deceleration:\n"
@@ -209,8 +211,7 @@ def test_a_drive_without_a_heartbeat_consumer_goes_on_without_a_master(needs_res
     assert states == {stopped}
 
 
-def test_coarse_velocity_and_unfiltered_current(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_coarse_velocity_and_unfiltered_current(folder, tmp_path):
 
     def quirks(data):
         data["drives"]["servo"]["quirks"] = {"velocity_step": 2.0, "current_filter_ms": 0.0}
@@ -229,8 +230,7 @@ def test_coarse_velocity_and_unfiltered_current(tmp_path):
         assert (np.array([drive.make.current_filter_ms for drive in arm.drives]) == 0.0).all()
 
 
-def test_no_file_says_nothing(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_no_file_says_nothing(folder, tmp_path):
     (folder / "simulation.yaml").unlink()
     robot = load_robot(folder)
     assert read_simulation(robot).joints == []
@@ -238,9 +238,8 @@ def test_no_file_says_nothing(tmp_path):
         true_arm(robot)
 
 
-def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(tmp_path):
+def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(folder, tmp_path):
     """A measurement of a drive stays at the end of its object, and the simulation goes on."""
-    folder = generate(0).write(tmp_path / "arm")
     sheet = folder / "drive.eds"
     wide = r"(?s)(\[606C\].*?DataType=0x0*)4"
     text, found = re.subn(wide, r"\g<1>3", sheet.read_text(), count=1)
