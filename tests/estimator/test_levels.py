@@ -143,10 +143,11 @@ def test_uncertainty_adds_missing_samples_side_and_shock(
         assert found == pytest.approx((missing + of_gap) * CONTACT[i])
 
 
-def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
+def test_both_levels_are_raised_at_once_and_the_raise_fades_with_half_the_gain() -> None:
     made = levels()
     np.testing.assert_allclose(put(made), CONTACT)
     np.testing.assert_allclose(put(made, uncertainty=0.4), CONTACT + 0.4)
+    np.testing.assert_allclose(made.collision, COLLISION + 0.4)
     left = 0.4
     for dt in (T, T, 3 * T, 0.5 * T, 12 * T):
         left *= np.exp(-0.5 * GAIN * dt)
@@ -188,12 +189,6 @@ def test_levels_may_grow_with_speed() -> None:
         np.testing.assert_allclose(put(made, speed=speed), CONTACT + speed * PER_SPEED)
         assert [made.configured(i, speed) for i in range(2)] == put(made, speed=speed)
     np.testing.assert_allclose(put(made), CONTACT)
-
-
-def test_collision_levels_are_raised_like_those_of_contacts() -> None:
-    made = levels()
-    put(made, uncertainty=0.4)
-    np.testing.assert_allclose(made.collision, COLLISION + 0.4)
 
 
 def test_reading_a_level_changes_nothing() -> None:

@@ -158,6 +158,12 @@ def master(romeo: ArmDescription) -> Callable[..., Master]:
 
 
 @pytest.fixture
+def one(master: Callable[..., Master]) -> Master:
+    """A master of the nominal arm, not set up."""
+    return master()
+
+
+@pytest.fixture
 def pendulum() -> Callable[..., PlantParameters]:
     """One joint about a horizontal axis, 0.5 kg at 0.2 m, all else to taste."""
 

@@ -16,11 +16,6 @@ Make = Callable[..., Any]
 MOVING = np.array([0.4, 0.2, 0.5, -0.3, 0.3, 0.2, 0.4])
 
 
-@pytest.fixture
-def one(master: Make) -> Any:
-    return master()
-
-
 def moving(master: Make, **set_up: int) -> Any:
     """An arm in operation enabled, and at speed."""
     one = master()
