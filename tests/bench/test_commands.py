@@ -2,17 +2,16 @@
 
 The others are run by the file that is named with them."""
 
-import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from bench import alone, detection, hand, newcomer, surroundings, wrench
 from bench.study.wrench import Job, run
+from tests.bench.reports import reported
 from tests.bench.test_alone_bench import GOOD
 
 HERE = (alone, detection, hand, newcomer, surroundings, wrench)
@@ -31,13 +30,8 @@ def test_no_bench_is_left_out() -> None:
     assert there == here | set(" ".join(ELSEWHERE.values()).split())
     for file, names in ELSEWHERE.items():
         text = Path(__file__).with_name(f"{file}.py").read_text()
-        assert [name for name in names.split() if f"{name}.main" not in text] == []
-
-
-def reported(module: ModuleType, words: str) -> dict[str, Any]:
-    result = CliRunner().invoke(module.main, [*words.split(), "--json"], catch_exceptions=False)
-    found: dict[str, Any] = json.loads(result.stdout.splitlines()[-1])
-    return found
+        run = set(re.findall(r"reported\((\w+)", text)) | set(re.findall(r"(\w+)\.main", text))
+        assert set(names.split()) <= run
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,7 @@
 """Counting of false contacts, and the population that makes them."""
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from bench import false_contacts
 from bench.false_contacts import PARTS, tally
@@ -14,6 +11,7 @@ from bench.study import unseen, world
 from bench.study.estimates import Estimates
 from daemon.config.load import load_robot
 from estimator.motor_position import Side
+from tests.bench.reports import reported
 
 TICKS, N = 300, 2
 CONTACT = np.array([1.0, 0.5])
@@ -83,11 +81,9 @@ def test_arms_of_the_world_differ_in_what_no_one_knows() -> None:
     assert world.subject(robot, "dahl", 7).settings.presliding == smooth.presliding
 
 
-@pytest.mark.parametrize("more", [[], ["--unseen"]])
-def test_the_report_is_of_every_law_residual_and_arm(more: list[str]) -> None:
-    words = ["--arms", "1", "--minutes", "0.3", "--jobs", "1", "--json", *more]
-    result = CliRunner().invoke(false_contacts.main, words, catch_exceptions=False)
-    report = json.loads(result.stdout.splitlines()[-1])
+@pytest.mark.parametrize("more", ["", "--unseen"])
+def test_the_report_is_of_every_law_residual_and_arm(more: str) -> None:
+    report = reported(false_contacts, f"--arms 1 --minutes 0.3 --jobs 1 {more}")
     changes = [f" {name}" for name in unseen.drawn(1)] if more else [""]
     assert set(report["data"]["laws"]) == set(world.LAWS)
     assert "classical" in report["data"]["residuals"]

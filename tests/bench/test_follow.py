@@ -1,12 +1,10 @@
 """Bench of streams, small: its targets are computed."""
 
 import itertools
-import json
 import math
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from bench import follow
 from bench.rigs.lockstep import DESK_ARM
@@ -16,6 +14,7 @@ from bench.study.stream_quality import beyond_limits, false_stops, quality
 from bench.study.streamed import MOTIONS, arrivals, track
 from daemon.config.load import load_robot
 from daemon.config.vectors import limits_of
+from tests.bench.reports import reported
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -64,11 +63,9 @@ def test_touches_are_felt_on_a_stream() -> None:
 
 
 def test_it_prints_its_targets() -> None:
-    words = ["--minutes", "0.1", "--arms", "1", "--hours", "0.01", "--jobs", "1", "--json"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(follow, "jobs", lambda *_: some())
-        result = CliRunner().invoke(follow.main, words, catch_exceptions=False)
-    report = json.loads(result.stdout.splitlines()[-1])
+        report = reported(follow, "--minutes 0.1 --arms 1 --hours 0.01 --jobs 1")
     assert {row["name"] for row in report["targets"]} >= {"false contacts", "delay at 100 Hz"}
 
 

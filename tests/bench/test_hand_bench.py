@@ -1,4 +1,4 @@
-"""An arm in a hand that rests waits, and goes on as usual without; targets of `bench.hand`."""
+"""Arm that waits while a hand rests on it, and is led by a hand; targets of `bench.hand`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,9 +22,7 @@ def arm() -> ArmInTheLoop:
 
 
 def trial(arm: ArmInTheLoop, share: float) -> Rested:
-    found = rest(arm, share, 1500.0, np.random.default_rng(SEED))
-    assert found is not None
-    return found
+    return rest(arm, share, 1500.0, np.random.default_rng(SEED))
 
 
 def test_a_trajectory_does_not_go_on_in_a_hand_that_rests(
@@ -55,11 +53,15 @@ def test_one_that_does_not_probe_goes_on_in_the_hand(monkeypatch: pytest.MonkeyP
     assert trial(arm, 0.55).missed
 
 
-def led(arm: ArmInTheLoop) -> Led:
+def paused(arm: ArmInTheLoop) -> ArmInTheLoop:
     arm.request(Event.PAUSE)
     while arm.mode is not Mode.HOLDING:
         arm.step()
-    found = lead(arm, 3, 1500.0)
+    return arm
+
+
+def led(arm: ArmInTheLoop) -> Led:
+    found = lead(paused(arm), 3, 1500.0)
     assert found is not None
     return found
 
@@ -83,16 +85,10 @@ def test_a_joint_coasts_onwards_and_springs_back(
 
 
 def test_a_steady_torque_carries_an_arm_that_assists_further() -> None:
-    ways = []
-    for assists in (False, True):
-        on = arm_at_work(robot_of(assists=assists), SEED, WORK_S)
-        on.request(Event.PAUSE)
-        while on.mode is not Mode.HOLDING:
-            on.step()
-        ways.append(pull(on, 2))
-    without, with_it = ways
-    assert without is not None
-    assert with_it is not None
+    without, with_it = (
+        pull(paused(arm_at_work(robot_of(assists=assists), SEED, WORK_S)), 2)
+        for assists in (False, True)
+    )
     assert 0.1 < without < 0.8 * with_it
 
 

@@ -1,6 +1,5 @@
 """Benches run small: the command itself, from its options to its targets."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,7 @@ from bench import identification, logs, makes, masses, oracle, reaction
 from bench.rigs.faults import PLACES, SHOWN
 from bench.rigs.lockstep import DESK_ARM
 from bench.study.masses import MassesFound, MassesJob
-
-
-def reported(command: Any, *words: str) -> dict[str, Any]:
-    result = CliRunner().invoke(command, [*words, "--json"], catch_exceptions=False)
-    found: dict[str, Any] = json.loads(result.stdout.splitlines()[-1])
-    return found
+from tests.bench.reports import reported
 
 
 def unmet(report: dict[str, Any]) -> list[str]:
@@ -29,26 +23,26 @@ def test_reaction(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = tuple(s for s in SHOWN if s.place == PLACES[0] and s.case.name in few)
     monkeypatch.setattr(reaction, "PLACES", PLACES[:1])
     monkeypatch.setattr(reaction, "SHOWN", shown)
-    report = reported(reaction.main)
+    report = reported(reaction)
     faults = {row["fault"] for row in report["data"]["rows"]}
     assert faults == few | {"exception in the tick", "daemon killed"}
     assert unmet(report) == []
 
 
 def test_reaction_to_pairs() -> None:
-    report = reported(reaction.main, "--part", "pairs", "--sample", "1")
+    report = reported(reaction, "--part pairs --sample 1")
     assert len(report["data"]["rows"]) == 1
     assert unmet(report) == []
 
 
 def test_makes() -> None:
-    report = reported(makes.main, "--touches", "7")
+    report = reported(makes, "--touches 7")
     assert [name for name in unmet(report) if "p95" not in name] == []  # of seven it is the longest
     assert report["data"]["drop_cm"]["killed, no guardian"] > 20
 
 
 def test_identification() -> None:
-    report = reported(identification.main, "--arms", "1", "--seconds", "20", "--jobs", "1")
+    report = reported(identification, "--arms 1 --seconds 20 --jobs 1")
     assert len(report["targets"]) == 7
     assert report["data"]["half_gap_mrad"]["unanswered"] == [0.0] * 7
 
@@ -62,7 +56,7 @@ def test_masses(monkeypatch: pytest.MonkeyPatch) -> None:
         return MassesFound(job, 3.0 * by, by, loads, [])
 
     monkeypatch.setattr(masses, "examine", examine)
-    assert unmet(reported(masses.main, "--arms", "2", "--jobs", "1")) == [
+    assert unmet(reported(masses, "--arms 2 --jobs 1")) == [
         "rms of |r| over that by exact masses, held out, worst joint of the worst arm, by drives "
         "that do not ramp"
     ]
@@ -91,6 +85,6 @@ def test_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     """One log that is answered, and one that lacks what friction needs."""
     monkeypatch.setattr(logs, "SECONDS", 45.0)
     monkeypatch.setattr(logs, "STEPS", ("friction", "thresholds"))
-    report = reported(logs.main, "--logs", "5", "--jobs", "1")
+    report = reported(logs, "--logs 5 --jobs 1")
     assert [name for name in unmet(report) if not name.startswith("gap")] == []
     assert [row["lacks"] for row in report["data"]["logs"]] == ["", "", "", "", "no torque"]

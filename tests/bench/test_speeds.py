@@ -1,35 +1,23 @@
 """Benches of speed: short runs of the commands themselves."""
 
-import json
 import math
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from bench import estimator, loop, recordings
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.recorded_arm import made
 from bench.study import recording_answers
-
-
-def reported(command: Any, *words: str) -> dict[str, Any]:
-    result = CliRunner().invoke(command, [*words, "--json"], catch_exceptions=False)
-    found: dict[str, Any] = json.loads(result.stdout.splitlines()[-1])
-    return found
-
-
-def names(report: dict[str, Any]) -> list[str]:
-    return [target["name"] for target in report["targets"]]
+from tests.bench.reports import reported
 
 
 def test_recordings() -> None:
-    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1", "--no-long")
+    report = reported(recordings, "--minutes 0.03 --rounds 1 --no-long")
     replay_us = report["data"]["replay_us"]
     assert replay_us.keys() == {"romeo_left_arm", "desk_arm"}
     assert all(0.0 < us < math.inf for us in replay_us.values())
-    assert names(report) == [
+    assert [target["name"] for target in report["targets"]] == [
         "replay, times real time",
         "200 levels from the cache",
         "plot as a page",
@@ -47,7 +35,7 @@ def test_memory_is_measured_of_the_command(tmp_path: Path) -> None:
 
 def test_loop() -> None:
     """Without its waiting, and so without a wake-up that a busy machine may spoil."""
-    report = reported(loop.main, "--hz", "100", "--seconds", "2", "--in-a-row")
+    report = reported(loop, "--hz 100 --seconds 2 --in-a-row")
     run = report["data"]["100_Hz"]
     assert (run["joints"], run["mode"], run["missed"]) == (7, "tracking", 0)
     assert run["ticks"] == 200 - 5
@@ -56,7 +44,7 @@ def test_loop() -> None:
 
 def test_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(estimator, "LATE", 200)
-    report = reported(estimator.main, "--repetitions", "2")
+    report = reported(estimator, "--repetitions 2")
     assert [arm["arm"] for arm in report["data"]["arms"]] == ["1 joint", "7 joints", "14 joints"]
     limits = {target["name"]: target["limit"] for target in report["targets"]}
     for joints in (7, 14):

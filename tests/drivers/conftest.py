@@ -1,10 +1,14 @@
-"""A virtual bus of its own for each test."""
+"""A virtual bus of its own for each test, and arms of motors."""
 
 from collections.abc import Iterator
 from itertools import count
 
 import can
+import numpy as np
 import pytest
+
+from daemon.modes.table import Event, Mode
+from tests.drivers.motors.one_arm import Filtered, Make, filtered
 
 _channels = count()
 
@@ -17,3 +21,20 @@ def wire() -> Iterator[tuple[can.BusABC, can.BusABC]]:
     yield ends[0], ends[1]
     for end in ends:
         end.shutdown()
+
+
+@pytest.fixture
+def arm(make: Make) -> Iterator[Filtered]:
+    """Motors of the make that the test names, off."""
+    yield from filtered(make)
+
+
+@pytest.fixture
+def moving(arm: Filtered) -> Filtered:
+    """The same, on its trajectory."""
+    arm.rig.enable()
+    arm.rig.request(Event.START)
+    arm.rig.run(1.5)
+    assert arm.rig.mode is Mode.TRACKING
+    assert np.abs(arm.rig.samples.motor_velocity).max() > 0.1
+    return arm

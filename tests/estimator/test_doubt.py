@@ -11,6 +11,11 @@ DT = 0.01
 LOWERED, STATED = 0.1, 0.8
 
 
+@pytest.fixture
+def doubt() -> Doubt:
+    return Doubt(1)
+
+
 def step(
     doubt: Doubt, *, touched: bool = False, q: float = 0.0, velocity: float = 0.3,
     residual: float = 0.0, believed: float | None = None, moving: bool = True,
@@ -39,16 +44,15 @@ def contact(doubt: Doubt, size: float = 0.3, **seen: Any) -> int:
         (0.9, 0.7, ENDED, 1.0),
     ],
 )
-def test_a_contact_that_is_over(size: float, believed: float, verdict: int, value: float) -> None:
-    doubt = Doubt(1)
+def test_a_contact_that_ended_raises_doubt_unless_it_exceeded_the_stated_level(
+    doubt: Doubt, size: float, believed: float, verdict: int, value: float
+) -> None:
     assert contact(doubt, size, believed=believed) == verdict
     assert doubt.value[0] == value
 
 
 @pytest.mark.parametrize("velocity", [0.3, -0.3])
-def test_it_ends_with_motion_that_agrees_in_the_direction_that_was_interrupted(
-    velocity: float,
-) -> None:
+def test_doubt_ends_with_agreeing_motion_in_the_interrupted_direction(velocity: float) -> None:
     doubt = Doubt(1)
     contact(doubt, velocity=velocity)
     run(doubt, 60.0, q=1.0, velocity=-velocity, residual=0.05)
@@ -59,8 +63,7 @@ def test_it_ends_with_motion_that_agrees_in_the_direction_that_was_interrupted(
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_both_directions_are_owed_where_the_joint_stood() -> None:
-    doubt = Doubt(1)
+def test_both_directions_must_agree_where_the_joint_stood(doubt: Doubt) -> None:
     contact(doubt, moving=False)
     run(doubt, 5.0, q=1.0, velocity=0.3)
     assert doubt.at(0, 1.0) == 1.0
@@ -68,8 +71,7 @@ def test_both_directions_are_owed_where_the_joint_stood() -> None:
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_a_direction_that_disagrees_is_owed_anew() -> None:
-    doubt = Doubt(1)
+def test_a_direction_that_disagrees_must_agree_again(doubt: Doubt) -> None:
     contact(doubt, velocity=0.3)
     step(doubt, q=1.0, velocity=-0.3, residual=0.15)
     run(doubt, 5.0, q=1.0, velocity=0.3)
@@ -78,15 +80,13 @@ def test_a_direction_that_disagrees_is_owed_anew() -> None:
     assert doubt.at(0, 1.0) == 0.0
 
 
-def test_at_rest_it_stays() -> None:
-    doubt = Doubt(1)
+def test_doubt_stays_at_rest(doubt: Doubt) -> None:
     contact(doubt)
     run(doubt, 60.0, moving=False)
     assert doubt.at(0, 1.0) == 1.0
 
 
-def test_what_exceeds_the_lowered_level_keeps_it_up() -> None:
-    doubt = Doubt(1)
+def test_a_residual_beyond_the_lowered_level_keeps_the_doubt(doubt: Doubt) -> None:
     contact(doubt)
     for _ in range(20):
         run(doubt, 0.45, q=1.0, residual=0.05)
@@ -94,8 +94,7 @@ def test_what_exceeds_the_lowered_level_keeps_it_up() -> None:
     assert doubt.at(0, 1.0) == 1.0
 
 
-def test_a_place_is_doubted_until_it_was_passed() -> None:
-    doubt = Doubt(1)
+def test_a_place_is_doubted_until_it_was_passed(doubt: Doubt) -> None:
     contact(doubt, q=0.5)
     run(doubt, 30.0, q=1.0)
     assert (doubt.at(0, 1.0), doubt.at(0, 0.5), doubt.at(0, 0.55)) == (0.0, 1.0, 1.0)
@@ -103,8 +102,7 @@ def test_a_place_is_doubted_until_it_was_passed() -> None:
     assert doubt.at(0, 0.5) == 0.0
 
 
-def test_a_place_that_was_met_again_is_doubted_for_twice_as_long() -> None:
-    doubt = Doubt(1)
+def test_a_place_that_was_met_again_is_doubted_for_twice_as_long(doubt: Doubt) -> None:
     for _ in range(2):
         contact(doubt, q=0.5)
         run(doubt, 10.0, q=1.0)
@@ -114,8 +112,7 @@ def test_a_place_that_was_met_again_is_doubted_for_twice_as_long() -> None:
     assert doubt.at(0, 0.5) == 0.0
 
 
-def test_a_place_that_interrupts_grows_and_is_counted() -> None:
-    doubt = Doubt(1)
+def test_a_place_that_interrupts_grows_and_is_counted(doubt: Doubt) -> None:
     contact(doubt, q=0.5)
     for _ in range(3):
         run(doubt, 5.0, q=0.0)
@@ -140,30 +137,27 @@ def test_a_contact_that_comes_again_at_once_is_one(apart_s: float, counted: int)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
+def test_a_residual_that_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
     doubt = Doubt(1)
     contact(doubt, q=5.0)
     assert FRICTION not in run(doubt, 0.1, velocity=0.3, residual=0.2 * sign)
     assert FRICTION in run(doubt, 0.1, velocity=-0.3, residual=-0.2 * sign)
 
 
-def test_what_pulls_one_way_is_none() -> None:
-    doubt = Doubt(1)
+def test_a_residual_of_one_sign_is_no_friction(doubt: Doubt) -> None:
     contact(doubt, q=5.0)
     for velocity in (0.3, -0.3, 0.3, -0.3):
         assert FRICTION not in run(doubt, 0.5, velocity=velocity, residual=0.2)
 
 
-def test_a_contact_that_lasts_for_long_raises_it() -> None:
-    doubt = Doubt(1)
+def test_a_long_contact_raises_doubt(doubt: Doubt) -> None:
     run(doubt, 9.9, touched=True, residual=0.3)
     assert doubt.value[0] == 0.0
     run(doubt, 1.2, touched=True, residual=0.3)
     assert doubt.value[0] == 1.0
 
 
-def test_a_person_who_holds_it_for_long_does_not() -> None:
-    doubt = Doubt(1)
+def test_a_long_contact_beyond_the_stated_level_raises_no_doubt(doubt: Doubt) -> None:
     run(doubt, 60.0, touched=True, residual=0.9)
     assert doubt.value[0] == 0.0
 
@@ -179,9 +173,8 @@ def test_a_person_who_holds_it_for_long_does_not() -> None:
     ],
 )
 def test_a_residual_that_creeps_over_the_level_grazes_it(
-    before: float, seconds: float, size: float, verdict: int
+    doubt: Doubt, before: float, seconds: float, size: float, verdict: int
 ) -> None:
-    doubt = Doubt(1)
     run(doubt, seconds, residual=before)
     assert contact(doubt, size) == verdict
 
@@ -194,15 +187,13 @@ def test_a_residual_that_creeps_over_the_level_grazes_it(
         ("own own other", (0.4, 1.2, 1.2)),
     ],
 )
-def test_a_graze_widens_the_margin(grazes: str, margins: tuple[float, ...]) -> None:
-    doubt = Doubt(1)
+def test_a_graze_widens_the_margin(doubt: Doubt, grazes: str, margins: tuple[float, ...]) -> None:
     for graze, margin in zip(grazes.split(), margins, strict=True):
         doubt.widen(0, graze == "own")
         assert doubt.margin[0] == pytest.approx(margin)
 
 
-def test_a_margin_fades_in_motion_that_needs_none() -> None:
-    doubt = Doubt(1)
+def test_a_margin_fades_in_motion_that_needs_none(doubt: Doubt) -> None:
     doubt.widen(0, True)
     for _ in range(3):
         run(doubt, 0.02, residual=0.095)  # below the level, but hardly
@@ -213,15 +204,13 @@ def test_a_margin_fades_in_motion_that_needs_none() -> None:
     assert doubt.margin[0] == pytest.approx(0.4 / np.e, rel=0.02)
 
 
-def test_friction_that_is_another_is_found_below_the_margin() -> None:
-    doubt = Doubt(1)
+def test_changed_friction_is_found_below_the_margin(doubt: Doubt) -> None:
     doubt.widen(0, True)
     assert FRICTION not in run(doubt, 1.0, velocity=0.3, residual=-0.12)
     assert FRICTION in run(doubt, 1.0, velocity=-0.3, residual=0.12)
 
 
-def test_a_reset_forgets_the_contact_that_lasts() -> None:
-    doubt = Doubt(1)
+def test_a_reset_forgets_the_contact_that_lasts(doubt: Doubt) -> None:
     run(doubt, 0.1, touched=True, residual=0.9)
     doubt.reset(0)
     assert contact(doubt) == ENDED

@@ -60,7 +60,7 @@ def test_no_false_alarm_and_far_better_than_classical(
 
 
 @pytest.mark.parametrize("source", ["integrated", "measured"])
-def test_what_is_not_known_of_stiction_is_no_more_than_its_part_of_the_level(
+def test_unknown_stiction_is_within_its_part_of_the_level(
     believing, sine_motion, source: str
 ) -> None:
     """This arm's friction does not stick: what is taken to be held is an error, and covered."""
@@ -82,7 +82,7 @@ def test_what_is_not_known_of_stiction_is_no_more_than_its_part_of_the_level(
     np.testing.assert_allclose(other.threshold[moving], CONTACT[moving], atol=1e-3)
 
 
-def test_drift_of_the_motor_position_is_taken_out(
+def test_drift_of_the_motor_position_is_corrected(
     make_estimator, sine_motion, drifting_motion
 ) -> None:
     clean = sine_motion.replay(make_estimator(motor_position="measured"))
@@ -97,7 +97,7 @@ def test_drift_of_the_motor_position_is_taken_out(
     assert np.all(np.abs(drift[-1] - drift[0])[loose] > 0.9 * 0.024)
 
 
-def test_what_is_called_gap_is_gap(make_estimator, sine_motion) -> None:
+def test_joints_reported_in_their_gaps_are_there(make_estimator, sine_motion) -> None:
     estimates = sine_motion.replay(make_estimator())
     side = np.array([e.side for e in estimates])
     alpha = make_estimator().transmission.half_gap
@@ -136,7 +136,7 @@ def test_the_correction_acts_while_engaged(make_transmission, romeo, sine_motion
 @pytest.mark.parametrize("moved", [1.0, -1.0, 0.0])
 @pytest.mark.parametrize("source", ["integrated", "measured"])
 @pytest.mark.parametrize(("least", "most"), [(0.4, 0.4), (0.1, 0.7), (0.0, 1.0)])
-def test_what_stiction_holds_after_a_motion(
+def test_stiction_after_a_motion_is_half_known(
     believing, romeo, source: str, moved: float, least: float, most: float
 ) -> None:
     # All joints creep by 15 mrad and stand, not so abruptly that links would seem to swing back;
@@ -161,7 +161,7 @@ def test_what_stiction_holds_after_a_motion(
 # Contact
 
 
-def test_twice_the_threshold_is_felt_in_motion(make_estimator, pushed_motion) -> None:
+def test_twice_the_threshold_is_detected_in_motion(make_estimator, pushed_motion) -> None:
     estimator = make_estimator(beside=VARIANTS)
     estimates = pushed_motion.replay(estimator)
     at = 800

@@ -87,7 +87,7 @@ RUBS = {
         ("two_mass", 0.0, Side.GAP, 2),
     ],
 )
-def test_each_friction_rubs_at_its_own_velocity(
+def test_each_friction_acts_at_its_own_velocity(
     built, parameter: str, kind: str, load: float, state: Side, row: int
 ) -> None:
     more = PLAIN.get(parameter, 0.0) + 0.1
@@ -172,7 +172,7 @@ def test_thresholds_of_a_joint_whose_side_is_unknown_are_raised(built, share: fl
     np.testing.assert_allclose(estimate.threshold, raised, atol=1e-6)
 
 
-def test_while_a_gap_is_crossed_a_level_that_was_learned_is_raised(built) -> None:
+def test_a_learned_level_is_raised_while_a_gap_is_crossed(built) -> None:
     # To what is needed there, until the tick in which the other border is met.
     alone = {"stiction_share": 0.0, "unknown_side_share": 0.0, "motor_position": "measured"}
     estimator, share = built(**alone), 0.4
@@ -296,7 +296,7 @@ def test_the_level_at_a_speed_is_that_which_a_steady_motion_has(
         (0.002, 0.02, 1.0),  # the link alone, by a hand
     ],
 )
-def test_what_turns_the_friction_of_a_rotor_that_creeps(
+def test_friction_of_a_creeping_rotor_turns_with_the_motion_of_its_link(
     built, speed: float, link_speed: float, z: float
 ) -> None:
     estimator = built(sticking(0.4))
@@ -311,7 +311,7 @@ def test_what_turns_the_friction_of_a_rotor_that_creeps(
 
 
 @pytest.mark.parametrize("time_s", [None, 77.0])
-def test_a_contact_says_when(built, time_s: float | None) -> None:
+def test_a_contact_has_the_time_of_its_tick(built, time_s: float | None) -> None:
     # By default the sum of all intervals, those of samples that were not used included.
     estimator = built({"half_gap": 0.0})
     contacts = []

@@ -1,4 +1,4 @@
-"""Learning of friction: what is learned, what is not, and that nothing spoils it."""
+"""Learning of friction: what is learned, what is not, and what must not disturb it."""
 
 from typing import Any
 
@@ -11,15 +11,11 @@ from bench.study import courses
 from bench.study.estimates import Estimates, build, estimates
 from daemon.config.load import load_robot
 from estimator.estimator import Estimator
-from estimator.learning import Learning
 from estimator.motor_position import Side
-from estimator.thresholds import Thresholds
 from simulator.description import Mismatch, SimulationSettings
+from tests.estimator.one_learning import DT, FOUND, LEVEL, fresh, teach
 from tests.plain import built, plain
 
-DT, LEVEL = 0.01, 0.8
-LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
-NONE = np.zeros(1)  # identified of friction that grows with load
 RIGHT = dict.fromkeys(Mismatch.__struct_fields__, 0.0)
 POLE, SHARE = 0.78, 22.0  # of (13) at 25 /s and 10 ms
 
@@ -28,13 +24,13 @@ class Joint:
     """One joint that swings; its friction is `coulomb` and `viscous` times the model's."""
 
     def __init__(self, learning: Any = None) -> None:
-        self.learning = learning or Learning(LEVELS, NONE, NONE)
+        self.learning = learning or fresh()
         self.k, self.raw = 0, 0.0
         self.beyond = 0  # ticks beyond the level in force
 
     def rest(self, seconds: float) -> None:
         for _ in range(round(seconds)):
-            self.learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, False, False, 1.0)
+            teach(self.learning, 0.0, moving=False, dt=1.0)
 
     def swing(
         self,
@@ -62,18 +58,20 @@ class Joint:
             self.raw = POLE * self.raw + SHARE * (e + noise * DT * rng.normal())
             self.learning.step(0, rubs, drags, loaded, DT, POLE, SHARE)
             corrected = self.raw - self.learning.correction[0]
-            moving = touched and abs(theta_dot) > 0.05
             level = self.learning.needed.level(0) * (LEVEL + self.learning.unknown[0])
             self.beyond += abs(corrected) > level
-            self.learning.learn(
-                0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, False, DT
-            )
+            moving = touched and abs(theta_dot) > 0.05
+            teach(self.learning, self.raw, friction=doubt, moving=moving)
         return float(corrected)
 
 
+@pytest.fixture
+def joint() -> Joint:
+    return Joint()
+
+
 @pytest.mark.parametrize(("coulomb", "viscous"), [(1.25, 0.8), (0.7, 1.0), (1.0, 1.4)])
-def test_friction_that_is_off_is_learned(coulomb: float, viscous: float) -> None:
-    joint = Joint()
+def test_an_error_of_the_friction_is_learned(joint: Joint, coulomb: float, viscous: float) -> None:
     assert joint.learning.error(0) == pytest.approx(0.65)
     corrected = joint.swing(60.0, coulomb=coulomb, viscous=viscous, noise=0.05)
     assert abs(corrected) < 0.03
@@ -83,36 +81,30 @@ def test_friction_that_is_off_is_learned(coulomb: float, viscous: float) -> None
 
 @pytest.mark.parametrize("load", [0.05, 0.15, 0.4])
 @pytest.mark.parametrize("coulomb", [1.0, 1.3])
-def test_friction_of_load_is_learned_apart(load: float, coulomb: float) -> None:
-    joint = Joint()
+def test_friction_of_load_is_learned_apart(joint: Joint, load: float, coulomb: float) -> None:
     corrected = joint.swing(120.0, coulomb=coulomb, transmitted=8.0, load=load, noise=0.05)
     assert joint.learning.load(0) == pytest.approx(load, abs=0.015)
     assert joint.learning.friction(0) == pytest.approx(coulomb, abs=0.08)
     assert abs(corrected) < 0.05
 
 
-def test_what_is_learned_of_load_raises_the_level_where_load_is() -> None:
-    joint = Joint()
+def test_learned_friction_of_load_raises_what_is_unknown_with_the_load(joint: Joint) -> None:
     joint.swing(120.0, transmitted=8.0, load=0.2, noise=0.05)
     unknown = []
     for transmitted in (0.0, 2.0, 8.0):
         for _ in range(200):
             joint.learning.step(0, DT, 0.3 * DT, transmitted * DT, DT, POLE, SHARE)
         unknown.append(joint.learning.unknown[0])
-    more = np.diff(unknown) / [2.0, 6.0]
-    expected = 0.3 * joint.learning.load(0)
-    assert more == pytest.approx([expected] * 2, rel=1e-6)
+    per_load = np.diff(unknown) / [2.0, 6.0]
+    assert per_load == pytest.approx([0.3 * joint.learning.load(0)] * 2, rel=1e-6)
 
 
-def test_load_only_adds_friction() -> None:
-    """Less friction where load is would be none of the load."""
-    joint = Joint()
+def test_friction_that_falls_with_load_is_not_learned(joint: Joint) -> None:
     joint.swing(120.0, transmitted=8.0, load=-0.05, noise=0.05)
     assert joint.learning.load(0) == 0.0
 
 
-def test_it_follows_a_gear_that_warms_up() -> None:
-    joint = Joint()
+def test_friction_of_a_gear_that_warms_up_is_followed(joint: Joint) -> None:
     joint.swing(60.0, coulomb=1.2)
     joint.swing(180.0, coulomb=0.9)
     assert joint.learning.friction(0) == pytest.approx(0.9, abs=0.03)
@@ -120,8 +112,8 @@ def test_it_follows_a_gear_that_warms_up() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize("push", [0.2, 0.38, -0.38, 0.4, 0.6])
-def test_what_is_constant_is_not_taken_for_friction(push: float, noise: float) -> None:
-    """Below and beyond half of the level; the push itself comes as a surprise, and then no more."""
+def test_a_constant_push_is_not_learned_as_friction(push: float, noise: float) -> None:
+    """Below and beyond half of the level; the correction takes none of the push."""
     joint = Joint()
     joint.swing(60.0, noise=noise)
     for _ in range(6):
@@ -130,9 +122,8 @@ def test_what_is_constant_is_not_taken_for_friction(push: float, noise: float) -
 
 
 @pytest.mark.parametrize("push", [0.2, 0.38])
-def test_of_a_hand_that_comes_and_goes_little_is_taken(push: float) -> None:
-    """Every twelve seconds for five, at whatever the joint does then."""
-    joint = Joint()
+def test_a_push_that_comes_and_goes_is_hardly_corrected(joint: Joint, push: float) -> None:
+    """For five of every twelve seconds, at any phase of the motion."""
     joint.swing(60.0)
     for _ in range(50):
         taken = push - joint.swing(5.0, push=push)
@@ -140,17 +131,15 @@ def test_of_a_hand_that_comes_and_goes_little_is_taken(push: float) -> None:
         joint.swing(7.0)
 
 
-def test_masses_that_are_off_do_not_hide_friction_that_is() -> None:
+def test_errors_of_friction_are_learned_beside_errors_of_masses(joint: Joint) -> None:
     """Their part of the residual follows the pose, over seconds."""
-    joint = Joint()
     for k in range(600):
         joint.swing(0.5, coulomb=1.2, viscous=0.8, push=0.15 * np.sin(0.23 * k))
     assert joint.learning.friction(0) == pytest.approx(1.2, abs=0.05)
     assert 1.0 - joint.learning.shares[0, 1] == pytest.approx(0.8, abs=0.15)
 
 
-def test_nothing_is_learned_from_what_may_be_a_touch() -> None:
-    joint = Joint()
+def test_nothing_is_learned_from_a_possible_touch(joint: Joint) -> None:
     joint.swing(60.0)
     shares = np.array(joint.learning.shares)
     joint.swing(20.0, push=0.9)  # beyond the level
@@ -164,8 +153,8 @@ def test_nothing_is_learned_from_what_may_be_a_touch() -> None:
     assert joint.learning.friction(0) > 1.2
 
 
-def test_the_less_is_learned_the_more_the_friction_near_rest_may_be_off() -> None:
-    """Breaking away shows another friction than moving on does, and must not teach it for sure."""
+def test_less_is_learned_while_friction_near_rest_is_uncertain() -> None:
+    """Breaking away shows another friction than steady motion, so it counts less."""
     joints = [Joint(), Joint()]
     for joint, doubt in zip(joints, (0.0, 1.0), strict=True):
         joint.swing(5.0, coulomb=1.3, doubt=doubt)
@@ -175,16 +164,14 @@ def test_the_less_is_learned_the_more_the_friction_near_rest_may_be_off() -> Non
 
 
 @pytest.mark.parametrize("how", [{"touched": False}, {"speed": 0.04}])
-def test_nothing_is_learned_at_rest_or_in_the_gap(how: dict[str, Any]) -> None:
-    joint = Joint()
+def test_nothing_is_learned_at_rest_or_in_the_gap(joint: Joint, how: dict[str, Any]) -> None:
     joint.swing(20.0, coulomb=1.2, **how)
     assert not np.any(joint.learning.shares)
 
 
-def test_what_was_learned_is_forgotten_in_a_night() -> None:
-    """A minute of rest leaves all of it, half an hour most; a night, in which a gear cools down,
-    nothing."""
-    joint = Joint()
+def test_learned_friction_is_forgotten_in_a_night(joint: Joint) -> None:
+    """All is kept for a minute of rest, most for half an hour; nothing for a night, in which a gear
+    cools down."""
     joint.swing(600.0, coulomb=1.4, noise=0.05)
     learning = joint.learning
     learned, left, level = learning.friction(0), learning.coulomb_left[0], learning.needed.level(0)
@@ -205,9 +192,8 @@ def test_what_was_learned_is_forgotten_in_a_night() -> None:
 @pytest.mark.parametrize("hours", [0.5, 8.0])
 @pytest.mark.parametrize(("warm", "cold"), [(0.6, 1.0), (0.8, 1.2), (1.0, 1.4)])
 def test_a_gear_that_cooled_down_makes_no_false_contact(
-    warm: float, cold: float, hours: float
+    joint: Joint, warm: float, cold: float, hours: float
 ) -> None:
-    joint = Joint()
     joint.swing(600.0, coulomb=warm, noise=0.05)
     assert (joint.beyond, joint.learning.needed.level(0)) == (0, pytest.approx(0.2, abs=0.05))
     joint.rest(3600.0 * hours)
@@ -216,15 +202,13 @@ def test_a_gear_that_cooled_down_makes_no_false_contact(
     assert joint.learning.friction(0) == pytest.approx(cold, abs=0.06)
 
 
-def test_shares_are_bounded() -> None:
-    joint = Joint()
+def test_shares_are_bounded_for_any_friction(joint: Joint) -> None:
     for step in range(1, 40):  # so slowly that it is never beyond half of the level
         joint.swing(60.0, coulomb=1.0 + 0.05 * step)
     assert np.abs(joint.learning.shares)[0, 1:].max() == pytest.approx(1.2)
 
 
-def test_what_is_unknown_shrinks_and_is_nothing_at_rest() -> None:
-    joint = Joint()
+def test_unknown_friction_shrinks_and_is_none_at_rest(joint: Joint) -> None:
     joint.swing(1.5)
     before = float(joint.learning.unknown[0])
     assert 0.4 < before < 0.9
@@ -233,41 +217,39 @@ def test_what_is_unknown_shrinks_and_is_nothing_at_rest() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
-def test_what_is_no_number_is_not_learned(bad: float) -> None:
-    joint = Joint()
+def test_non_finite_and_huge_input_is_not_learned(joint: Joint, bad: float) -> None:
     joint.swing(30.0, coulomb=1.2)
-    learning = joint.learning
-    learning.step(0, bad, bad, bad, DT, POLE, SHARE)
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, False, DT)
-    learning.reset(0)
-    joint.raw = 0.0
-    joint.swing(60.0, coulomb=1.2)
-    assert learning.friction(0) == pytest.approx(1.2, abs=0.02)
+    joint.learning.step(0, bad, bad, bad, DT, POLE, SHARE)
+    assert_relearns(joint)
 
 
-def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
-    joint = Joint()
-    learning = joint.learning
-    learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
-    learning.needed.quiet_s[0] = 1.0
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, False, DT)
-    learning.reset(0)
-    assert learning.error(0) == pytest.approx(0.65)
+def assert_relearns(joint: Joint) -> float:
+    """Learning recovers after a tick of the last step; returns the error it began with."""
+    teach(joint.learning, 0.0)
+    joint.learning.reset(0)
+    before, joint.raw = joint.learning.error(0), 0.0
     joint.swing(60.0, coulomb=1.2)
-    assert learning.friction(0) == pytest.approx(1.2, abs=0.02)
+    assert joint.learning.friction(0) == pytest.approx(1.2, abs=0.02)
+    return before
+
+
+def test_input_too_large_to_be_solved_is_forgotten(joint: Joint) -> None:
+    joint.learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
+    joint.learning.needed.quiet_s[0] = 1.0
+    assert assert_relearns(joint) == pytest.approx(0.65)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_known_stays_a_covariance(seed: int) -> None:
-    """Symmetric to the last bit and positive, whatever it was shown."""
-    rng, learning = np.random.default_rng(seed), Learning(LEVELS, NONE, NONE)
+def test_the_covariance_stays_positive_definite(seed: int) -> None:
+    """Symmetric to the last bit and positive definite, for any input."""
+    rng, learning = np.random.default_rng(seed), fresh()
     size = 10.0 ** rng.uniform(-3.0, 2.0)
     for k in range(30_000):
         if k % 500 == 0:
             rubs, drags, load, e = DT * size * rng.normal(size=4)
             level, moving = rng.choice([0.01, 1e9]), rng.random() < 0.8
         learning.step(0, rubs, drags, load, DT, POLE, SHARE)
-        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, 0.0, False, moving, False, DT)
+        teach(learning, SHARE * e, level, moving=moving)
     P = np.array(learning.covariance[0])
     np.testing.assert_array_equal(P, P.T)
     assert (np.linalg.eigvalsh(P) > 0.0).all()
@@ -275,9 +257,9 @@ def test_what_is_known_stays_a_covariance(seed: int) -> None:
     assert (np.diag(P) <= 1.01 * spread**2).all()
 
 
-def test_what_is_unknown_counts_as_friction_does() -> None:
-    """Half of all of it before anything was learned, of either sign."""
-    learning = Learning(LEVELS, NONE, NONE)
+def test_unknown_friction_is_half_of_what_was_not_learned() -> None:
+    """Half of all friction of either sign before anything was learned."""
+    learning = fresh()
     assert learning.unknown_at(0, -1.0, 0.6, 0.0) == pytest.approx(0.8)
     assert learning.unknown_at(0, 0.0, 0.0, -3.0) == 0.0
     Joint(learning).swing(60.0)
@@ -289,18 +271,16 @@ def test_what_is_unknown_counts_as_friction_does() -> None:
 def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
     ends = []
     for modules in (built("estimator"), plain("estimator")):
-        joint = Joint(modules["learning"].Learning(LEVELS, NONE, NONE))
+        joint = Joint(fresh(modules["learning"].Learning))
         joint.swing(30.0, coulomb=1.3, viscous=0.7, noise=0.1)
-        names = (*("covariance", "columns", "shares", "coulomb_left", "viscous_left"), "unknown")
-        needed = ("squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s")
+        names = ("covariance", "columns", "shares", "coulomb_left", "viscous_left", "unknown")
         state = {name: np.asarray(getattr(joint.learning, name)) for name in names}
-        state |= {name: np.asarray(getattr(joint.learning.needed, name)) for name in needed}
-        ends.append(
-            [values.tobytes() for values in state.values()] + [joint.learning.needed.level(0)]
-        )
+        needed = joint.learning.needed
+        state |= {name: np.asarray(getattr(needed, name)) for name in (*FOUND, "quiet_s", "loud_s")}
+        ends.append([values.tobytes() for values in state.values()] + [needed.level(0)])
         for name in ("shares", "peak", "unknown"):
             assert np.any(state[name]), name
-        assert 0.2 < joint.learning.needed.level(0) < 1.0
+        assert 0.2 < needed.level(0) < 1.0
     assert ends[0] == ends[1]
 
 
@@ -311,8 +291,8 @@ SECONDS, PUSHED_S = 150.0, 60.0
 
 @pytest.fixture(scope="module")
 def days() -> dict[str, Recording]:
-    """The Romeo arm with friction 30 % off, at work; pushed on joint 2 and 4 all the time from
-    PUSHED_S on by 0.8 times the level, and not."""
+    """The Romeo arm at work with friction 30 % off: free, and with joints 2 and 4 pushed by 0.8
+    times the level from PUSHED_S on."""
     robot = load_robot(ROMEO)
     settings = SimulationSettings(seed=5, mismatch=Mismatch(**RIGHT | {"friction": 30.0}))
     course, _ = courses.day(robot.configuration, 2, SECONDS)
@@ -333,7 +313,9 @@ def estimated(recording: Recording, **changes: Any) -> tuple[Estimator, Estimate
     return estimator, estimates(estimator, recording)
 
 
-def test_an_arm_at_work_shows_less_and_is_felt_as_well(days: dict[str, Recording]) -> None:
+def test_learning_lowers_the_residual_of_motion_and_keeps_that_of_a_push(
+    days: dict[str, Recording],
+) -> None:
     _, usual = estimated(days["free"], learning=False)
     learned, ours = estimated(days["free"])
     late = days["free"].time_s > PUSHED_S
@@ -352,16 +334,15 @@ def test_an_arm_at_work_shows_less_and_is_felt_as_well(days: dict[str, Recording
     np.testing.assert_allclose(shown[[1, 3]], level, rtol=0.1)
 
 
-def test_its_levels_sink_to_what_it_needs(days: dict[str, Recording]) -> None:
+def test_levels_sink_to_what_untouched_motion_needs(days: dict[str, Recording]) -> None:
     """And no untouched motion goes beyond them."""
     estimator, found = estimated(days["free"])
-    learning, levels = estimator._kernel.learning, estimator.detector.levels
-    share = np.array([learning.needed.level(i) for i in range(7)])
+    needed, levels = estimator._kernel.learning.needed, estimator.detector.levels
+    share = np.array([needed.level(i) for i in range(7)])
     np.testing.assert_array_equal(levels.share, share)
-    crossing = np.array([learning.needed.crossing_level(i) for i in range(7)])
-    np.testing.assert_array_equal(levels.crossing, crossing)
+    np.testing.assert_array_equal(levels.crossing, [needed.crossing_level(i) for i in range(7)])
     has_gap = np.array([joint.half_gap > 0.0 for joint in load_robot(ROMEO).configuration.joints])
-    assert (np.asarray(learning.needed.crossing_peak) < 1.0)[has_gap].all()
+    assert (np.asarray(needed.crossing_peak) < 1.0)[has_gap].all()
     assert (share >= 0.2).all()
     assert (share[:4] < 0.8).all(), share
     fastest = estimator.levels_at(np.full(7, 0.5))
@@ -370,8 +351,8 @@ def test_its_levels_sink_to_what_it_needs(days: dict[str, Recording]) -> None:
     assert not np.any(np.abs(found.residuals["backlash"]) > found.threshold)
 
 
-def test_where_one_joint_lands_the_others_may_be_shaken(days: dict[str, Recording]) -> None:
-    """Six tenths of the level at least, for joints with a lower one, and at once."""
+def test_levels_are_raised_while_another_joint_lands(days: dict[str, Recording]) -> None:
+    """At least six tenths of the configured level, at once, for joints with a lower one."""
     estimator, found = estimated(days["free"])
     contact = np.array([j.thresholds.contact for j in load_robot(ROMEO).configuration.joints])
     gap = found.side == Side.GAP
@@ -384,7 +365,7 @@ def test_where_one_joint_lands_the_others_may_be_shaken(days: dict[str, Recordin
     assert (np.asarray(estimator.detector.levels.share) < 0.6).any()
 
 
-def test_off_is_off(days: dict[str, Recording]) -> None:
+def test_with_learning_off_nothing_is_learned(days: dict[str, Recording]) -> None:
     estimator, found = estimated(days["pushed"], learning=False)
     assert "learning" not in estimator.memory()
     assert not np.any(estimator._kernel.learning.shares)
@@ -393,7 +374,7 @@ def test_off_is_off(days: dict[str, Recording]) -> None:
 
 
 @pytest.mark.parametrize("at", [3000, 9000])
-def test_memory_goes_on_bit_identically(days: dict[str, Recording], at: int) -> None:
+def test_a_restored_memory_continues_bit_identically(days: dict[str, Recording], at: int) -> None:
     recording = days["pushed"]
     whole, other = (build(load_robot(ROMEO)) for _ in range(2))
     for row in recording.samples[: at - 200]:
@@ -408,17 +389,12 @@ def test_memory_goes_on_bit_identically(days: dict[str, Recording], at: int) -> 
 
 @pytest.mark.parametrize(
     ("rested_s", "carried_s", "share"),
-    [
-        (30.0, 1e4, [0.5] * 3),
-        (59.0, 1e4, [0.5] * 3),
-        (61.0, 1e4, [1.0] * 3),
-        (0.1, 0.0, [1, 1, 0.5]),
-    ],
+    [*((s, 1e4, [0.5] * 3) for s in (30.0, 59.0)), (61.0, 1e4, [1.0] * 3), (0.1, 0.0, [1, 1, 0.5])],
 )
-def test_a_joint_sets_out_at_its_stated_level_after_a_minute_or_where_it_carries_more(
+def test_a_joint_starts_at_its_stated_level_after_a_minute_or_where_it_carries_more(
     rested_s: float, carried_s: float, share: list[float]
 ) -> None:
-    """The third joint carries little at zero, the first two more than they ever showed."""
+    """The third joint carries little at zero, the first two more than was ever seen."""
     estimator, zero = build(load_robot(ROMEO)), np.zeros(7)
     memory = estimator.memory()
     memory["learning"]["squares_s"] = [0.0] * 7  # it had needed half of its level
@@ -436,11 +412,11 @@ def test_a_joint_sets_out_at_its_stated_level_after_a_minute_or_where_it_carries
     ("error", "unknown", "doubted"),
     [(0.0, 0.0, 0.2), (0.02, 0.02, 0.04)],  # not identified, and identified
 )
-def test_friction_per_load_is_as_unknown_as_it_was_identified(
+def test_friction_per_load_is_unknown_by_its_identified_error(
     error: float, unknown: float, doubted: float
 ) -> None:
-    """Not identified, it raises levels where learning is in doubt alone."""
-    learning = Learning(LEVELS, np.array([0.1]), np.array([error]))
+    """Not identified, it raises levels only where learning is in doubt."""
+    learning = fresh(load=0.1, error=error)
     assert learning.unknown_at(0, 0.0, 0.0, 5.0) == pytest.approx(5.0 * unknown)
     learning.step(0, 0.0, 0.0, 5.0 * DT, DT, 0.0, 1.0 / DT)
     assert learning.doubted_at(0, 1.0) == pytest.approx(5.0 * doubted)
@@ -453,7 +429,9 @@ def test_friction_per_load_is_as_unknown_as_it_was_identified(
         *[(1.0, 0.02, -0.3, 0.0), (1.0, -0.6, 0.3, 0.757)],  # smaller by it; at most half the level
     ],
 )
-def test_learning_is_no_contact(needed: float, coulomb: float, w: float, counts: float) -> None:
+def test_learned_friction_raises_the_threshold_by_at_most_half_the_level(
+    needed: float, coulomb: float, w: float, counts: float
+) -> None:
     threshold = []
     for share in (0.0, coulomb):
         estimator, zero = build(load_robot(ROMEO), beside=()), np.zeros(7)

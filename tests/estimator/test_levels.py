@@ -96,7 +96,7 @@ def test_a_residual_of_as_much_friction_shows_as_much(seed: int) -> None:
         assert np.min(made.friction) >= 0.0
 
 
-def test_it_grows_and_fades_as_the_filter_does() -> None:
+def test_friction_grows_and_fades_as_the_filter_does() -> None:
     made, share = levels(), 2.0 * GAIN / (2.0 + GAIN * T)
     made.set_friction(0, 1.0, 0.0, 1.0, 0.0)
     made.end(0)
@@ -126,7 +126,7 @@ def test_it_grows_and_fades_as_the_filter_does() -> None:
     ("crossing", "share", "needed"),
     [(False, 0.4, 0.0), (True, 0.4, CROSSING - 0.4), (True, 0.6, CROSSING - 0.6), (True, 0.9, 0.0)],
 )
-def test_what_a_joint_may_pretend(
+def test_uncertainty_adds_missing_samples_side_and_shock(
     periods: float,
     missing: float,
     unknown: bool,
@@ -143,10 +143,11 @@ def test_what_a_joint_may_pretend(
         assert found == pytest.approx((missing + of_gap) * CONTACT[i])
 
 
-def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
+def test_both_levels_are_raised_at_once_and_the_raise_fades_with_half_the_gain() -> None:
     made = levels()
     np.testing.assert_allclose(put(made), CONTACT)
     np.testing.assert_allclose(put(made, uncertainty=0.4), CONTACT + 0.4)
+    np.testing.assert_allclose(made.collision, COLLISION + 0.4)
     left = 0.4
     for dt in (T, T, 3 * T, 0.5 * T, 12 * T):
         left *= np.exp(-0.5 * GAIN * dt)
@@ -154,7 +155,7 @@ def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
     np.testing.assert_allclose(put(made, uncertainty=0.1), CONTACT + 0.1)  # the larger of both
 
 
-def test_what_is_raised_comes_on_top_of_friction() -> None:
+def test_the_raise_is_added_to_friction() -> None:
     made = levels()
     np.asarray(made.friction)[:] = 0.3
     np.testing.assert_allclose(put(made, uncertainty=0.4), CONTACT + 0.7)
@@ -168,7 +169,7 @@ def test_what_is_raised_comes_on_top_of_friction() -> None:
 
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
-def test_what_is_needed_scales_the_contact_level_alone(share: float) -> None:
+def test_the_needed_share_scales_the_contact_level_alone(share: float) -> None:
     made = levels(share)
     np.asarray(made.friction)[:] = 0.3
     for i in range(2):
@@ -190,13 +191,7 @@ def test_levels_may_grow_with_speed() -> None:
     np.testing.assert_allclose(put(made), CONTACT)
 
 
-def test_collision_levels_are_raised_like_those_of_contacts() -> None:
-    made = levels()
-    put(made, uncertainty=0.4)
-    np.testing.assert_allclose(made.collision, COLLISION + 0.4)
-
-
-def test_to_ask_for_a_level_changes_nothing() -> None:
+def test_reading_a_level_changes_nothing() -> None:
     made = levels(0.4)
     put(made, uncertainty=0.4)
     names = ("begin", "friction", "raised", "above", "contact", "collision", "share", "crossing")
@@ -208,7 +203,7 @@ def test_to_ask_for_a_level_changes_nothing() -> None:
         np.testing.assert_array_equal(getattr(made, name), values, name)
 
 
-def test_what_is_above_is_put_together_again() -> None:
+def test_the_part_above_is_summed_without_a_tick() -> None:
     """As after a memory is read: what fades is not taken anew."""
     made = levels(0.4)
     for name, value in {"friction": 0.3, "raised": 0.1}.items():
@@ -218,7 +213,7 @@ def test_what_is_above_is_put_together_again() -> None:
     assert (made.raised[0], made.friction[0], made.above[1]) == (0.1, 0.3, 0.0)
 
 
-def test_reset_forgets_what_one_joint_had_above() -> None:
+def test_reset_clears_the_raise_of_one_joint() -> None:
     """The interval goes on: what rubs at its beginning is known still."""
     made = levels()
     for i in range(2):

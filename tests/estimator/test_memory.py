@@ -70,7 +70,7 @@ def test_a_restored_estimator_still_holds_its_last_value(
     np.testing.assert_array_equal(copy.levels_at(speed), original.levels_at(speed))
 
 
-def test_what_was_learned_of_levels_is_in_force_again(make_estimator) -> None:
+def test_restored_levels_are_in_force(make_estimator) -> None:
     estimator = make_estimator(learning=True)
     memory = estimator.memory()
     memory["learning"]["peak"] = [0.5] * 7
@@ -124,14 +124,14 @@ def test_damaged_memory_is_refused(make_estimator, damage, message: str) -> None
 
 
 @pytest.mark.parametrize("learns", [False, True])
-def test_memory_of_one_that_learns_is_no_other_ones(make_estimator, learns: bool) -> None:
+def test_memory_with_and_without_learning_is_not_exchangeable(make_estimator, learns: bool) -> None:
     memory = make_estimator(learning=learns).memory()
     with pytest.raises(ModelError, match="memory of an estimator"):
         make_estimator(learning=not learns).restore(memory)
 
 
 @pytest.mark.parametrize("source", ["integrated", "measured"])
-def test_memory_of_every_tick_goes_on_bit_identically(
+def test_memory_of_every_tick_continues_bit_identically(
     make_estimator, pushed_motion, source: str
 ) -> None:
     """While it learns, with samples missing: also that of a tick in which a joint lands, a contact

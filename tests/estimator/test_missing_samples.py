@@ -72,9 +72,9 @@ def test_nothing_is_restarted_invented_or_lost(
     assert deviation.max() < most
 
     pushed = residuals(run(pushed_motion, make_estimator(), fresh, slice(0, 900)))
-    felt = np.abs(pushed[800:]) > CONTACT
-    assert felt.any(axis=0).all(), "every joint, pushed by twice its level"
-    assert felt.argmax(axis=0).max() <= 8
+    beyond = np.abs(pushed[800:]) > CONTACT
+    assert beyond.any(axis=0).all(), "every joint, pushed by twice its level"
+    assert beyond.argmax(axis=0).max() <= 8
 
 
 def test_who_is_without_samples_for_long_senses_nothing_and_begins_anew_alone(
@@ -86,8 +86,8 @@ def test_who_is_without_samples_for_long_senses_nothing_and_begins_anew_alone(
     others = np.arange(N) != ELBOW
     for k, estimate in enumerate(holed):
         assert estimate.sensing[others].all() == (k > 2)
-        deaf = 882 <= k < 893 or k < 3
-        assert estimate.sensing[ELBOW] != deaf, k
+        missing = 882 <= k < 893 or k < 3
+        assert estimate.sensing[ELBOW] != missing, k
         assert (Flag.RESTARTED in estimate.flags) == (k == 890)
         assert (Flag.BRIDGED in estimate.flags) == (k in lost)
     np.testing.assert_array_equal(

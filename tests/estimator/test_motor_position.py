@@ -11,9 +11,13 @@ from estimator.transmission import Transmission
 from tests.estimator.one_joint import ALPHA, Joint, T
 
 
+@pytest.fixture
+def joint() -> Joint:
+    return Joint()
+
+
 @pytest.mark.parametrize("torque", [0.0, 0.9, -0.9])
-def test_a_torque_that_may_be_friction_shows_nothing(torque: float) -> None:
-    joint = Joint()
+def test_a_torque_that_may_be_friction_shows_nothing(joint: Joint, torque: float) -> None:
     for _ in range(100):
         joint.step(torque=torque)
     assert joint.side == Side.UNKNOWN
@@ -24,9 +28,8 @@ def test_a_torque_that_may_be_friction_shows_nothing(torque: float) -> None:
     ("torque", "side", "phi"), [(2.0, Side.LEFT, -ALPHA), (-2.0, Side.RIGHT, ALPHA)]
 )
 def test_a_clear_torque_shows_the_side_after_some_ticks(
-    torque: float, side: Side, phi: float
+    joint: Joint, torque: float, side: Side, phi: float
 ) -> None:
-    joint = Joint()
     sides = []
     for _ in range(4):
         joint.step(torque=torque)
@@ -36,8 +39,7 @@ def test_a_clear_torque_shows_the_side_after_some_ticks(
     assert joint.sigma < 0.1 * ALPHA
 
 
-def test_a_torque_that_changes_its_sign_is_not_held() -> None:
-    joint = Joint()
+def test_a_torque_that_changes_its_sign_is_not_held(joint: Joint) -> None:
     for k in range(50):
         joint.step(torque=2.0 if k % 4 < 2 else -2.0)
     assert joint.side == Side.UNKNOWN
@@ -51,8 +53,7 @@ def test_a_border_is_as_uncertain_as_the_gap_and_the_gear(torque: float, sigma: 
     assert joint.sigma == pytest.approx(sigma, rel=0.01)
 
 
-def test_theta_is_held_at_standstill() -> None:
-    joint = Joint()
+def test_theta_is_held_at_standstill(joint: Joint) -> None:
     joint.settle(2.0)
     theta = np.array(joint.position.theta)
     for _ in range(10_000):
@@ -61,15 +62,13 @@ def test_theta_is_held_at_standstill() -> None:
 
 
 @pytest.mark.parametrize("bias", [0.02, -0.02])
-def test_phi_never_leaves_the_gap_by_drift(bias: float) -> None:
-    joint = Joint()
+def test_phi_never_leaves_the_gap_by_drift(joint: Joint, bias: float) -> None:
     for k in range(3000):
         joint.step(w=bias, torque=0.05)
         assert abs(joint.phi) <= ALPHA + 1e-12, k
 
 
-def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
-    joint = Joint()
+def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time(joint: Joint) -> None:
     joint.settle(2.0)
     joint.position.theta[0] -= 0.5 * ALPHA
     errors = []
@@ -95,9 +94,8 @@ def test_a_load_may_bend_the_gear() -> None:
     assert joint.phi == pytest.approx(-ALPHA - 0.003, abs=1e-6)
 
 
-def test_a_hand_that_moves_the_link_across_is_seen_not_explained_away() -> None:
+def test_a_hand_that_moves_the_link_across_is_seen_not_explained_away(joint: Joint) -> None:
     # The rotor stands; the link is moved from one border to the other, then loads it.
-    joint = Joint()
     joint.settle(2.0)
     theta = float(joint.position.theta[0])
     for k in range(20):
@@ -118,8 +116,7 @@ def test_a_measured_position_does_not_become_less_certain() -> None:
     assert joint.sigma == before
 
 
-def test_a_joint_without_gap_is_always_engaged() -> None:
-    joint = Joint()
+def test_a_joint_without_gap_is_always_engaged(joint: Joint) -> None:
     torques = [(0.01, Side.LEFT), (-0.01, Side.RIGHT), *[(3.0, Side.LEFT)] * 9]
     for k, (torque, side) in enumerate(torques):
         q = 0.7 + 0.1 * (-1) ** k
@@ -194,9 +191,8 @@ def test_a_correction_never_goes_beyond_where_phi_can_be(
     ],
 )
 def test_a_link_that_follows_its_rotor_is_not_in_its_gap(
-    phi: float, speed: float, ticks: int, contradicted: bool
+    joint: Joint, phi: float, speed: float, ticks: int, contradicted: bool
 ) -> None:
-    joint = Joint()
     joint.settle(-2.0 if phi > 0.0 else 2.0)
     joint.set(phi)
     q = 0.0

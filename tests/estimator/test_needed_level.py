@@ -5,12 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.learning import Learning
-from estimator.thresholds import Thresholds
-
-DT, LEVEL = 0.01, 0.8
-LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
-NONE = np.zeros(1)  # identified of friction that grows with load
+from tests.estimator.one_learning import DT, FOUND, LEVEL, found, fresh, teach
 
 
 def shown(
@@ -24,14 +19,14 @@ def shown(
     moving: bool = True,
     flips: bool = False,
 ) -> Any:
-    """Learning that was shown a residual, which leans on the joint unless it flips; it, the level
-    in force, and what that has of friction and of what fades are shares of the configured level.
-    Nothing is corrected."""
-    learning = learning or Learning(LEVELS, NONE, NONE)
+    """Learning after a constant residual, or one whose sign alternates (`flips`). Residual, level
+    in force, and its parts for friction and transients are shares of the configured level. Nothing
+    is corrected."""
+    learning = learning or fresh()
     for tick in range(round(seconds / DT)):
         size = -size if flips and tick else size
-        torques = (share * LEVEL for share in (size, level, 1.0, friction, raised))
-        learning.learn(0, *torques, 0.0, False, moving, False, DT)
+        parts = {"friction": friction * LEVEL, "raised": raised * LEVEL}
+        teach(learning, size * LEVEL, level * LEVEL, **parts, moving=moving)
     return learning
 
 
@@ -44,18 +39,16 @@ def needed(seconds: float, size: float) -> float:
 
 @pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
 def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
-    learning, before = Learning(LEVELS, NONE, NONE), 1.0
+    learning, before = fresh(), 1.0
     assert learning.needed.level(0) == pytest.approx(1.0)
     for minute in range(1, 12):
-        shown(60.0, size, learning)
-        assert learning.needed.level(0) == pytest.approx(
-            max(needed(60.0 * minute, size), 0.2), rel=1e-3
-        )
-        assert 0.2 <= learning.needed.level(0) <= before
-        before = learning.needed.level(0)
+        level = shown(60.0, size, learning).needed.level(0)
+        assert level == pytest.approx(max(needed(60.0 * minute, size), 0.2), rel=1e-3)
+        assert 0.2 <= level <= before
+        before = level
 
 
-def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
+def test_the_level_is_between_a_fifth_and_the_whole_configured_one() -> None:
     learning = shown(3600.0, 0.0)
     assert learning.needed.level(0) == 0.2
     shown(1200.0, 0.9, learning, level=2.0, friction=1.0, flips=True)
@@ -65,7 +58,7 @@ def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
     assert shown(0.0, 0.0).needed.level(0) <= 1.0
 
 
-def test_a_peak_raises_it_a_little_when_it_is_over() -> None:
+def test_a_peak_raises_the_level_by_a_tenth_once_it_is_over() -> None:
     learning = shown(1800.0, 0.0)
     shown(DT, 0.6, learning)
     shown(0.29, 0.0, learning)
@@ -74,8 +67,8 @@ def test_a_peak_raises_it_a_little_when_it_is_over() -> None:
     assert learning.needed.level(0) == pytest.approx(1.1 * 0.2, rel=1e-3)
 
 
-def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> None:
-    """A tenth for each of them, so that a few pushes below the level do not make it deaf."""
+def test_repeated_peaks_raise_the_level_to_what_they_need_which_fades_slowly() -> None:
+    """By a tenth each, so that a few pushes below the level raise it little."""
     learning, level = shown(1800.0, 0.0), 0.2
     for _ in range(30):
         shown(0.5, 0.0, shown(DT, 0.6, learning))
@@ -85,11 +78,11 @@ def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> No
     for minutes in (2.5, 5):
         shown(150.0, 0.0, learning)
         assert learning.needed.level(0) == pytest.approx(level * np.exp(-minutes / 5), rel=2e-3)
-    shown(DT, 0.2, learning)  # a smaller one is no matter
+    shown(DT, 0.2, learning)  # a smaller one has no effect
     assert learning.needed.level(0) == pytest.approx(level * np.exp(-1.0), rel=2e-3)
 
 
-def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
+def test_a_peak_that_ends_in_a_contact_is_not_counted() -> None:
     learning = shown(1800.0, 0.0)
     before = learning.needed.level(0)
     shown(DT, 0.6, shown(0.2, 0.6, learning, raised=0.3))
@@ -104,30 +97,23 @@ def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
     assert learning.needed.peak[0] < 1e-3
 
 
-def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
+def test_a_peak_counts_less_the_friction_near_rest() -> None:
     learning = shown(DT, 0.7, level=2.0, friction=0.4)
     assert learning.needed.peak_seen[0] == pytest.approx(0.3)
-    learning = Learning(LEVELS, NONE, NONE)
+    learning = fresh()
     learning.unknown[0] = 0.5 * LEVEL  # which raises by as much, times the share that is needed
     shown(DT, 0.6, learning)
     assert learning.needed.peak_seen[0] == pytest.approx(0.4)
 
 
-def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
-    """A push just below the level; it counts again once it was quiet."""
-    names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    first, lasting = (
-        shown(seconds, 0.9, shown(1800.0, 0.1, flips=True)) for seconds in (1.0, 60.0)
+def test_a_residual_that_stays_large_is_not_counted() -> None:
+    """A push just below the level; motion counts again once the residual was small."""
+    brief, first, lasting = (
+        shown(seconds, 0.9, shown(1800.0, 0.1, flips=True)) for seconds in (0.5, 1.0, 60.0)
     )
-    for name in names:
-        np.testing.assert_array_equal(
-            getattr(lasting.needed, name), getattr(first.needed, name), name
-        )
-    brief = shown(0.5, 0.9, shown(1800.0, 0.1, flips=True))
-    assert (brief.needed.peak_seen[0], lasting.needed.peak_seen[0]) == (
-        pytest.approx(0.9, rel=1e-2),
-        0.0,
-    )
+    assert found(lasting) == found(first)
+    assert brief.needed.peak_seen[0] == pytest.approx(0.9, rel=1e-2)
+    assert lasting.needed.peak_seen[0] == 0.0
     shown(0.35, 0.1, brief)
     shown(0.35, 0.1, lasting)
     assert brief.needed.peak[0] > 0.19
@@ -154,35 +140,32 @@ def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
         (np.inf, {}),
     ],
 )
-def test_what_is_not_counted(size: float, how: dict[str, Any]) -> None:
+def test_contacts_rest_and_invalid_residuals_are_not_counted(
+    size: float, how: dict[str, Any]
+) -> None:
     learning = shown(600.0, 0.1)
-    names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    before = {name: np.array(getattr(learning.needed, name)) for name in names}
-    shown(0.9, size, learning, **how)
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
+    before = found(learning)
+    assert found(shown(0.9, size, learning, **how)) == before
 
 
 # --- while a gap is crossed ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("size", [0.05, 0.3, 0.5])
-def test_what_is_needed_while_a_gap_is_crossed_is_found_apart(size: float) -> None:
-    """1.8 peaks, from one of a whole level on, which fades in 20 s of that; 0.7 at least."""
+def test_the_level_while_a_gap_is_crossed_is_found_apart(size: float) -> None:
+    """1.8 peaks, from one of a whole level on, which fades in 20 s of crossing; 0.7 at least."""
     learning = shown(600.0, 0.1)
-    names = ("squares_s", "moved_s", "peak")
-    before = {name: np.array(getattr(learning.needed, name)) for name in names}
+    before = found(learning, FOUND[:3])
     assert learning.needed.crossing_level(0) == 1.0
     for seconds in range(4, 80, 4):
         shown(4.0, size, learning, raised=0.06)
         peak = max(np.exp(-seconds / 20.0), size)
         level = min(max(1.8 * peak, 0.7), 1.0)
         assert learning.needed.crossing_level(0) == pytest.approx(level, rel=0.01)
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
+    assert found(learning, FOUND[:3]) == before
 
 
-def test_that_is_over_when_little_is_left_of_its_raise() -> None:
+def test_a_crossing_is_over_when_little_is_left_of_its_raise() -> None:
     learning = shown(60.0, 0.1, raised=0.3)
     crossing, moved_s = learning.needed.crossing_level(0), learning.needed.moved_s[0]
     shown(60.0, 0.4, learning, raised=0.04)
@@ -190,7 +173,7 @@ def test_that_is_over_when_little_is_left_of_its_raise() -> None:
     assert learning.needed.moved_s[0] > moved_s
 
 
-def test_of_that_counts_what_friction_near_rest_does_not_explain() -> None:
+def test_a_peak_of_a_crossing_counts_less_the_friction_near_rest() -> None:
     learning = shown(600.0, 0.0, raised=0.3)
     shown(DT, 0.7, learning, level=2.0, friction=0.4, raised=0.3)
     assert learning.needed.crossing_peak[0] == pytest.approx(0.3)
@@ -204,20 +187,17 @@ def test_of_that_counts_what_friction_near_rest_does_not_explain() -> None:
 
 def test_reset_keeps_the_level_that_was_found() -> None:
     learning = shown(0.5, 0.9, shown(20.0, 0.1, shown(600.0, 0.1), raised=0.3))
-    names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    before = {name: np.array(getattr(learning.needed, name)) for name in names}
+    before = found(learning)
     assert learning.needed.loud_s[0] == pytest.approx(0.5)
     learning.reset(0)
     assert (learning.needed.loud_s[0], learning.needed.quiet_s[0]) == (0.0, 0.0)
     assert (learning.needed.peak_seen[0], learning.needed.crossing_seen[0]) == (0.0, 0.0)
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
+    assert found(learning) == before
 
 
 @pytest.mark.parametrize("size", [1e3, 1e160, 1e300])
-def test_a_sample_that_is_none_does_not_last(size: float) -> None:
-    """One that is finite inflates the level in force, too, so that what it shows is within it; its
-    square is not even finite."""
+def test_a_false_sample_of_any_size_has_no_lasting_effect(size: float) -> None:
+    """A finite one raises the level in force, too, and stays within it; its square may overflow."""
     learning = shown(1800.0, 0.1)
     before = learning.needed.level(0)
     shown(DT, size, learning, level=2.0 * size)
@@ -229,22 +209,20 @@ def test_a_sample_that_is_none_does_not_last(size: float) -> None:
 
 @pytest.mark.parametrize("minutes", [5.0, 15.0])
 def test_a_hand_that_leans_raises_no_level(minutes: float) -> None:
-    """With 0.8 of the level in force; noise and turns make it loud and quiet by turns."""
+    """At 0.8 of the level in force; with noise, the residual is large and small by turns."""
     learning, rng = shown(1800.0, 0.12, flips=True), np.random.default_rng(3)
     before = learning.needed.level(0)
     for _ in range(round(60.0 * minutes / 0.2)):
         shown(0.2, before * (0.8 + 0.25 * rng.normal()), learning, level=before)
     assert learning.needed.level(0) <= 1.25 * before
-    leaned = float(learning.needed.squares_s[0]), float(learning.needed.moved_s[0])
+    leaned = found(learning, FOUND[:2])
     shown(600.0, 0.8 * before, learning, level=before)
-    assert (learning.needed.squares_s[0], learning.needed.moved_s[0]) == leaned, (
-        "nor does it sink by what leans"
-    )
+    assert found(learning, FOUND[:2]) == leaned, "nor does a leaning hand lower it"
     shown(120.0, 0.12, learning, level=before, flips=True)
     assert learning.needed.level(0) <= 1.2 * before
 
 
-def test_what_leaned_from_the_beginning_keeps_its_level() -> None:
+def test_a_constant_residual_from_the_beginning_keeps_its_level() -> None:
     """Masses that are off: the level sinks no further than they need."""
     learning = shown(1800.0, 0.2)
     assert learning.needed.level(0) == pytest.approx(2.9 * 0.2, rel=0.02)
@@ -273,7 +251,7 @@ def test_more_is_needed_where_a_joint_carries_more_than_motion_has_shown() -> No
 
 @pytest.mark.parametrize("beta", [0.0, -9.0, 1e300, np.inf, np.nan])
 @pytest.mark.parametrize("configured", [LEVEL, 0.0])
-def test_whatever_is_carried_lowers_no_level_nor_raises_it_beyond(
+def test_no_carried_torque_lowers_a_level_or_raises_it_beyond_the_configured(
     beta: float, configured: float
 ) -> None:
     learning = shown(600.0, 0.1)
@@ -287,19 +265,14 @@ def test_whatever_is_carried_lowers_no_level_nor_raises_it_beyond(
 
 def test_in_doubt_nothing_is_measured() -> None:
     learning = shown(600.0, 0.1, flips=True)
-    before = (learning.needed.squares_s[0], learning.needed.moved_s[0], learning.needed.peak[0])
+    before = found(learning, FOUND[:3])
     for _ in range(1000):
-        learning.learn(0, 0.6 * LEVEL, LEVEL, LEVEL, 0.0, 0.0, 1.0, False, True, False, DT)
-    assert (
-        learning.needed.squares_s[0],
-        learning.needed.moved_s[0],
-        learning.needed.peak[0],
-    ) == before
+        teach(learning, 0.6 * LEVEL, doubt=1.0)
+    assert found(learning, FOUND[:3]) == before
     assert learning.needed.peak_seen[0] == 0.0
 
 
-def test_a_level_that_a_person_states_is_a_floor() -> None:
-    stated = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]), least_share=np.array([0.6]))
-    learning = shown(3600.0, 0.0, Learning(stated, NONE, NONE))
+def test_a_stated_least_share_is_a_floor() -> None:
+    learning = shown(3600.0, 0.0, fresh(least_share=np.array([0.6])))
     assert learning.needed.level(0) == 0.6
     assert learning.needed.crossing_level(0) >= 0.6

@@ -30,14 +30,14 @@ K, T = 25.0, 0.01
         (1.0, (0.0, 0.0), "three numbers"),
     ],
 )
-def test_what_is_no_payload_is_refused(mass: float, com: tuple[float, ...], words: str) -> None:
+def test_an_impossible_payload_is_refused(mass: float, com: tuple[float, ...], words: str) -> None:
     with pytest.raises(ModelError) as refused:
         Payload.of(mass, com)
     assert words in str(refused.value)
 
 
 @pytest.mark.parametrize("module", ["built", "plain"])
-def test_a_mass_that_is_carried_is_one_of_the_body(module: str) -> None:
+def test_a_carried_mass_is_part_of_the_last_body(module: str) -> None:
     model = random_tree()
     dynamics = ours(model, {"built": built, "plain": plain}[module]()["dynamics"])
     bare = ours(model)
@@ -61,7 +61,7 @@ def test_a_mass_that_is_carried_is_one_of_the_body(module: str) -> None:
     assert np.asarray(dynamics.momentum).tobytes() == np.asarray(bare.momentum).tobytes()
 
 
-def test_torques_of_a_payload_are_what_gravity_has_more(romeo: Model, romeo_urdf) -> None:
+def test_torques_of_a_payload_are_the_difference_of_gravity(romeo: Model, romeo_urdf) -> None:
     loaded = pin.buildModelFromUrdf(str(romeo_urdf))
     loaded.inertias[7] += pin.Inertia(CUP.mass, np.array(CUP.com), np.zeros((3, 3)))
     data = loaded.createData()
@@ -96,15 +96,15 @@ def test_the_hand_of_another_order_and_of_a_fixed_tool(romeo: Model, romeo_urdf)
 def test_no_residual_jumps_when_the_model_changes(make_estimator, sine_motion, at: int) -> None:
     """r goes from that of the old model to that of the new one as it follows any torque: what is
     left of the difference fades by the pole of (13), from the first tick on."""
-    reported, untold, always = make_estimator(), make_estimator(), make_estimator()
+    reported, unreported, always = make_estimator(), make_estimator(), make_estimator()
     always.carry(CUP)
-    for each in (reported, untold, always):
+    for each in (reported, unreported, always):
         sine_motion.replay(each, slice(0, at))
     reported.carry(CUP)
     rest = slice(at, at + 60)
     rows = [
         np.array([estimate.residual for estimate in sine_motion.replay(each, rest)])
-        for each in (reported, untold, always)
+        for each in (reported, unreported, always)
     ]
     pole = (2.0 - T * K) / (2.0 + T * K)
     left = rows[0] - rows[2]
@@ -115,7 +115,7 @@ def test_no_residual_jumps_when_the_model_changes(make_estimator, sine_motion, a
     np.testing.assert_allclose(left[0], pole * whole, atol=0.01)
 
 
-def test_what_is_carried_already_changes_no_bit(make_estimator, sine_motion) -> None:
+def test_reporting_the_same_payload_again_changes_no_bit(make_estimator, sine_motion) -> None:
     one, other = make_estimator(learning=True), make_estimator(learning=True)
     for each in (one, other):
         each.carry(CUP)
@@ -128,7 +128,7 @@ def test_what_is_carried_already_changes_no_bit(make_estimator, sine_motion) -> 
 
 
 @pytest.mark.parametrize("learning", [False, True])
-def test_memory_carries_it_on_bit_by_bit(make_estimator, sine_motion, learning: bool) -> None:
+def test_memory_restores_a_payload_bit_by_bit(make_estimator, sine_motion, learning: bool) -> None:
     original, copy = make_estimator(learning=learning), make_estimator(learning=learning)
     assert "carried" not in original.memory()  # recordings made without one stay as they are
     sine_motion.replay(original, slice(0, 300))
@@ -195,9 +195,7 @@ def test_nothing_is_learned_while_it_is_frozen(make_estimator, sine_motion) -> N
     assert (learned != friction[0]).any()
 
 
-def test_while_nothing_is_learned_friction_that_was_learned_is_still_known(
-    make_estimator, sine_motion
-) -> None:
+def test_learned_friction_is_known_while_learning_is_frozen(make_estimator, sine_motion) -> None:
     """Levels are the stated ones, not those of an arm that was just switched on."""
     taught, fresh = make_estimator(learning=True), make_estimator(learning=True)
     sine_motion.replay(taught, slice(0, 2400))
@@ -206,7 +204,7 @@ def test_while_nothing_is_learned_friction_that_was_learned_is_still_known(
     assert levels[0].sum() < 0.9 * levels[1].sum()
 
 
-def test_a_box_is_named_before_the_place_which_is_a_links() -> None:
+def test_a_payload_with_a_box_is_printed_with_its_size() -> None:
     assert str(Payload.of(0.2, [0.0, 0.0, 0.1], box=[0.1, 0.1, 0.2])) == (
         "0.2 kg, 0.1 x 0.1 x 0.2 m, at (0.000 0.000 0.100) m"
     )

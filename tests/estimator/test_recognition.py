@@ -1,4 +1,4 @@
-"""Recognition of a load: what is one, what is none, and when it is forgotten."""
+"""Recognition of a load: its mass and place, what is not a load, and when it is forgotten."""
 
 from collections.abc import Callable
 
@@ -28,7 +28,7 @@ def motion(t: float, amplitude: float, home: np.ndarray = HOME) -> tuple[np.ndar
 
 
 def run(
-    recognition: Recognition, torque: Torque, model: Model, begin_s: float, seconds: float,
+    recognition: Recognition, torque: Torque, begin_s: float, seconds: float,
     amplitude: float = 0.3, noise: float = 0.2, home: np.ndarray = HOME,
 ) -> float | None:  # fmt: skip
     """Time at which a load was found [s]; None if none was."""
@@ -38,7 +38,7 @@ def run(
         t = begin_s + k * T
         q, q_dot = motion(t, amplitude, home)
         slow += 0.02 * (noise * LEVEL * rng.normal(size=7) * 10.0 - slow)
-        residual = torque(model, t, q) + slow
+        residual = torque(recognition._model, t, q) + slow
         touched = bool((np.abs(residual) > LEVEL).any())
         recognition.step(q, q_dot, residual, LEVEL, touched=touched)
         if recognition.found is not None:
@@ -64,37 +64,42 @@ def pull(force: Callable[[float], np.ndarray]) -> Torque:
     return torque
 
 
+@pytest.fixture
+def recognition(romeo: Model) -> Recognition:
+    return Recognition(romeo, T)
+
+
 @pytest.mark.parametrize("mass", [0.15, 0.2, 0.5, 2.0])
-def test_a_load_is_recognised_with_its_mass_and_place(romeo: Model, mass: float) -> None:
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.0), romeo, 0.0, 20.0) is None
-    found_s = run(recognition, load(mass), romeo, 20.0, 10.0)
+def test_a_load_is_recognised_with_its_mass_and_place(
+    recognition: Recognition, mass: float
+) -> None:
+    assert run(recognition, load(0.0), 0.0, 20.0) is None
+    found_s = run(recognition, load(mass), 20.0, 10.0)
     assert found_s is not None
-    assert recognition.found is not None
     assert recognition.found.mass == pytest.approx(mass, abs=max(0.02, 0.05 * mass))
     np.testing.assert_allclose(recognition.found.com, PLACE, atol=0.015)
 
 
 def confirmed_s(
-    recognition: Recognition, torque: Torque, model: Model, begin_s: float, seconds: float
+    recognition: Recognition, torque: Torque, begin_s: float, seconds: float
 ) -> float | None:
     """Time after which what is shown is confirmed [s]; None if it is not."""
     for k in range(round(seconds / T)):
         q, q_dot = motion(begin_s + k * T, 0.3)
-        recognition.step(q, q_dot, torque(model, begin_s + k * T, q), LEVEL, touched=True)
+        recognition.step(
+            q, q_dot, torque(recognition._model, begin_s + k * T, q), LEVEL, touched=True
+        )
         if recognition.confirmed:
-            assert recognition.found is not None
             return k * T
     return None
 
 
-def test_it_is_confirmed_by_two_more_seconds_of_motion_and_forgotten_as_a_whole(
-    romeo: Model,
+def test_a_load_is_confirmed_by_two_more_seconds_of_motion_and_forgotten_as_a_whole(
+    recognition: Recognition, romeo: Model
 ) -> None:
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+    assert run(recognition, load(0.5), 0.0, 10.0) is not None
     assert not recognition.confirmed
-    assert confirmed_s(recognition, load(0.5), romeo, 10.0, 5.0) == pytest.approx(2.0, abs=0.3)
+    assert confirmed_s(recognition, load(0.5), 10.0, 5.0) == pytest.approx(2.0, abs=0.3)
     q, q_dot = motion(12.0, 0.3)
     for _ in range(60):
         recognition.step(q, q_dot, load(2.0)(romeo, 12.0, q), LEVEL, touched=True)
@@ -102,30 +107,29 @@ def test_it_is_confirmed_by_two_more_seconds_of_motion_and_forgotten_as_a_whole(
     assert not recognition.confirmed
 
 
-def test_a_pull_that_changes_by_eight_per_cent_is_believed_and_not_confirmed(romeo: Model) -> None:
-    recognition = Recognition(romeo, T)
+def test_a_pull_that_varies_by_eight_per_cent_is_found_and_not_confirmed(
+    recognition: Recognition,
+) -> None:
     almost = pull(lambda t: 0.6 * DOWN * (1.0 + 0.08 * np.sin(2.0 * t)))
-    found_s = run(recognition, almost, romeo, 0.0, 20.0)
+    found_s = run(recognition, almost, 0.0, 20.0)
     assert found_s is not None
-    assert confirmed_s(recognition, almost, romeo, found_s, 25.0) is None
+    assert confirmed_s(recognition, almost, found_s, 25.0) is None
     assert recognition.found is not None
 
 
-def test_the_mass_that_is_confirmed_is_that_of_the_last_seconds(romeo: Model) -> None:
-    recognition = Recognition(romeo, T)
+def test_the_mass_that_is_confirmed_is_that_of_the_last_seconds(recognition: Recognition) -> None:
     picked_up = pull(lambda t: 0.5 * DOWN * (1.0 + 0.2 * np.exp(-t / 2.0)))
-    found_s = run(recognition, picked_up, romeo, 0.0, 20.0)
+    found_s = run(recognition, picked_up, 0.0, 20.0)
     assert found_s is not None
-    assert recognition.found is not None
     first = recognition.found.mass
     assert first > 0.506
-    assert confirmed_s(recognition, picked_up, romeo, found_s, 20.0) is not None
+    assert confirmed_s(recognition, picked_up, found_s, 20.0) is not None
     assert abs(recognition.found.mass - 0.5) < 0.5 * (first - 0.5)
 
 
 @pytest.mark.parametrize(("shoulder", "elbow"), [(0.7, 0.0), (-0.5, 0.4)])
 def test_motors_off_by_a_share_do_not_change_the_mass_found_elsewhere(
-    romeo: Model, shoulder: float, elbow: float
+    recognition: Recognition, shoulder: float, elbow: float
 ) -> None:
     gains = 0.06 * np.array([1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0])
     home = HOME + np.array([0.0, shoulder, 0.0, elbow, 0.0, 0.0, 0.0])
@@ -137,10 +141,8 @@ def test_motors_off_by_a_share_do_not_change_the_mass_found_elsewhere(
     def loaded(model: Model, t: float, q: np.ndarray) -> np.ndarray:
         return empty(model, t, q) + load(0.3)(model, t, q)
 
-    recognition = Recognition(romeo, T)
-    assert run(recognition, empty, romeo, 0.0, 60.0, amplitude=0.45) is None
-    assert run(recognition, loaded, romeo, 60.0, 15.0, home=home) is not None
-    assert recognition.found is not None
+    assert run(recognition, empty, 0.0, 60.0, amplitude=0.45) is None
+    assert run(recognition, loaded, 60.0, 15.0, home=home) is not None
     assert recognition.found.mass == pytest.approx(0.3, abs=0.008)
 
 
@@ -162,28 +164,25 @@ HANDS: dict[str, Torque] = {
 
 
 @pytest.mark.parametrize("name", HANDS)
-def test_what_is_no_load_is_none(romeo: Model, name: str) -> None:
-    recognition = Recognition(romeo, T)
-    assert run(recognition, HANDS[name], romeo, 0.0, 25.0) is None
+def test_other_torques_are_not_recognised_as_a_load(recognition: Recognition, name: str) -> None:
+    assert run(recognition, HANDS[name], 0.0, 25.0) is None
 
 
 @pytest.mark.parametrize("of", ["q", "residual", "threshold"])
-def test_what_is_no_number_is_not_kept(romeo: Model, of: str) -> None:
-    recognition = Recognition(romeo, T)
-    run(recognition, load(0.0), romeo, 0.0, 10.0)
+def test_non_finite_input_is_not_kept(recognition: Recognition, of: str) -> None:
+    run(recognition, load(0.0), 0.0, 10.0)
     q, q_dot = motion(10.0, 0.3)
     shown = {"q": q, "q_dot": q_dot, "residual": np.zeros(7), "threshold": LEVEL.copy()}
     shown[of] = np.full(7, np.nan)
     recognition.step(**shown, touched=False)
-    run(recognition, load(0.0), romeo, 10.0, 10.0)
-    assert run(recognition, load(0.5), romeo, 20.0, 10.0) is not None
+    run(recognition, load(0.0), 10.0, 10.0)
+    assert run(recognition, load(0.5), 20.0, 10.0) is not None
 
 
-def test_an_arm_that_stands_recognises_nothing(romeo: Model) -> None:
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.5), romeo, 0.0, 30.0, amplitude=0.0) is None
-    assert run(recognition, load(0.5), romeo, 0.0, 30.0, amplitude=1e-3) is None
-    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+def test_an_arm_that_stands_recognises_nothing(recognition: Recognition) -> None:
+    assert run(recognition, load(0.5), 0.0, 30.0, amplitude=0.0) is None
+    assert run(recognition, load(0.5), 0.0, 30.0, amplitude=1e-3) is None
+    assert run(recognition, load(0.5), 0.0, 10.0) is not None
 
 
 @pytest.mark.parametrize(
@@ -191,9 +190,10 @@ def test_an_arm_that_stands_recognises_nothing(romeo: Model) -> None:
     [load(0.0), load(1.0), load(-0.2), pull(lambda t: np.array([8.0, 0.0, -5.0]))],
     ids=["gone", "twice", "upwards", "another direction"],
 )
-def test_it_is_forgotten_when_it_explains_what_is_felt_no_more(romeo: Model, after: Torque) -> None:
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+def test_a_load_is_forgotten_when_it_no_longer_explains_the_residual(
+    recognition: Recognition, romeo: Model, after: Torque
+) -> None:
+    assert run(recognition, load(0.5), 0.0, 10.0) is not None
     q, q_dot = motion(10.0, 0.3)
     same, other = load(0.5)(romeo, 10.0, q), after(romeo, 10.0, q)
     for _ in range(100):
@@ -212,12 +212,11 @@ def test_it_is_forgotten_when_it_explains_what_is_felt_no_more(romeo: Model, aft
 @pytest.mark.parametrize("after", [0.0, 0.165], ids=["gone", "more"])
 @pytest.mark.parametrize("raised", [1.0, 6.0])
 def test_a_load_below_the_levels_is_forgotten_when_motion_shows_another(
-    romeo: Model, after: float, confirmed: bool, raised: float
+    recognition: Recognition, romeo: Model, after: float, confirmed: bool, raised: float
 ) -> None:
-    """Neither it nor what comes after it is ever felt, so that no tick says that it is gone; and
-    levels are raised because it was recognised."""
-    recognition, level = Recognition(romeo, T), np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
-    found_s = 0.0
+    """No torque exceeds a level, so no tick shows that it is gone; and levels are raised because it
+    was recognised."""
+    level, found_s = np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2]), 0.0
     for k in range(round(40.0 / T)):
         q, q_dot = motion(k * T, 0.3)
         mass = after if found_s else 0.1 * (k * T > 15.0)
@@ -234,45 +233,42 @@ def test_a_load_below_the_levels_is_forgotten_when_motion_shows_another(
     assert recognition.found is None or recognition.found.mass == pytest.approx(after, rel=0.1)
 
 
-def test_what_the_models_errors_look_like_is_taken_off(romeo: Model) -> None:
+def test_errors_of_the_model_are_subtracted_from_a_load(recognition: Recognition) -> None:
     """A hand that is 40 g heavier than the model's, and then takes 200 g."""
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.04), romeo, 0.0, 120.0, noise=0.05) is None
-    assert run(recognition, load(0.24), romeo, 120.0, 10.0, noise=0.05) is not None
-    assert recognition.found is not None
+    assert run(recognition, load(0.04), 0.0, 120.0, noise=0.05) is None
+    assert run(recognition, load(0.24), 120.0, 10.0, noise=0.05) is not None
     assert recognition.found.mass == pytest.approx(0.2, abs=0.02)
 
 
-def test_a_load_is_not_taken_for_an_error_while_it_is_looked_at(romeo: Model) -> None:
-    """Too little to be felt, so that every second of it shows the model's errors, too."""
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(0.0), romeo, 0.0, 30.0, noise=0.05) is None
+def test_a_load_is_not_learned_as_an_error_while_it_is_examined(
+    recognition: Recognition, romeo: Model
+) -> None:
+    """It stays below the levels, so that its seconds count as errors of the model, too."""
+    assert run(recognition, load(0.0), 0.0, 30.0, noise=0.05) is None
     before = recognition._evidence.copy()
-    assert run(recognition, load(0.09), romeo, 30.0, 7.0, noise=0.05) is None
-    gone = load(0.0)
+    assert run(recognition, load(0.09), 30.0, 7.0, noise=0.05) is None
     again = Recognition(romeo, T)
-    assert run(again, gone, romeo, 0.0, 30.0, noise=0.05) is None
-    assert run(again, gone, romeo, 30.0, 7.0, noise=0.05) is None
+    for begin_s, seconds in ((0.0, 30.0), (30.0, 7.0)):
+        assert run(again, load(0.0), begin_s, seconds, noise=0.05) is None
     np.testing.assert_allclose(recognition._evidence, again._evidence)
     assert not np.allclose(recognition._evidence, before)  # of the motion before
 
 
 @pytest.mark.parametrize("reported", [False, True])
-def test_what_was_lifted_for_minutes_and_is_let_go_of_is_no_load(
-    romeo: Model, reported: bool, monkeypatch: pytest.MonkeyPatch
+def test_the_end_of_a_long_lift_is_not_recognised_as_a_load(
+    recognition: Recognition, reported: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A hand below the level, or a payload that was announced and is absent."""
     monkeypatch.setattr(f"{__name__}.LEVEL", 4.0 * LEVEL)
-    recognition = Recognition(romeo, T)
-    assert run(recognition, load(-0.3), romeo, 0.0, 180.0, noise=0.02) is None
+    assert run(recognition, load(-0.3), 0.0, 180.0, noise=0.02) is None
     if reported:
         recognition.begin()
         assert not recognition._evidence.any()
-    assert run(recognition, load(0.0), romeo, 180.0, 30.0, noise=0.02) is None
-    assert run(recognition, load(0.5), romeo, 210.0, 10.0, noise=0.02) is not None
+    assert run(recognition, load(0.0), 180.0, 30.0, noise=0.02) is None
+    assert run(recognition, load(0.5), 210.0, 10.0, noise=0.02) is not None
 
 
-def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> None:
+def test_without_a_load_the_thresholded_residual_is_left(romeo: Model) -> None:
     r = np.array([0.5, -0.3, 0.1, 0.0, 0.1, 0.0, -0.2])
     expected = np.sign(r) * np.maximum(np.abs(r) - LEVEL, 0.0)
     np.testing.assert_allclose(Recognition(romeo, T).left(HOME, r, LEVEL), expected)
@@ -286,7 +282,7 @@ def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> N
     mass=st.floats(-200.0, 200.0),
     amplitude=st.sampled_from([0.0, 0.01, 0.3, 1.5]),
 )
-def test_whatever_is_shown_it_answers_with_a_payload_or_none(
+def test_any_residual_yields_a_valid_payload_or_none(
     romeo: Model, seed: int, size: float, level: float, mass: float, amplitude: float
 ) -> None:
     """Residuals of any size beside any load, at levels of any size: a finding may be announced."""

@@ -57,7 +57,7 @@ def test_the_last_motion_is_kept(
 
 
 @given(displacements=st.lists(st.floats(-0.01, 0.01), max_size=30))
-def test_what_is_known_stays_known(displacements: list[float]) -> None:
+def test_the_unknown_share_never_grows(displacements: list[float]) -> None:
     stiction = known()
     before = 1.0
     for turned in displacements:
@@ -83,7 +83,7 @@ def test_what_is_known_stays_known(displacements: list[float]) -> None:
         ((0.5, -0.009), 0.0, -0.6, -0.2),
     ],
 )
-def test_the_truth_is_taken_to_be_in_the_middle(
+def test_held_friction_is_the_middle_of_what_is_possible(
     displacements: tuple[float, ...], sign: float, low: float, high: float
 ) -> None:
     stiction = moved(*displacements, stiction=doubtful(), sign=sign)
@@ -96,7 +96,7 @@ def test_the_truth_is_taken_to_be_in_the_middle(
     shares=st.tuples(*3 * [st.floats(0.0, 1.0)]),
     steps=st.lists(st.tuples(st.floats(-0.01, 0.01), st.floats(-1.0, 1.0)), max_size=30),
 )
-def test_truth_is_no_further_off_than_is_said(
+def test_true_friction_is_within_the_unknown_share(
     begins: float,
     pair: tuple[float, float],
     shares: tuple[float, float, float],
@@ -115,7 +115,7 @@ def test_truth_is_no_further_off_than_is_said(
         assert stiction.unknown[0] <= most + 1e-9
 
 
-def test_what_will_be_unknown_where_it_comes_to_rest() -> None:
+def test_the_unknown_share_at_rest_is_predicted_in_motion() -> None:
     stiction = doubtful()
     assert stiction.unknown_at_rest(0) == pytest.approx(0.6)  # nothing is known
     moved(0.5, stiction=stiction, sign=1.0)
@@ -160,6 +160,8 @@ def test_before_the_first_step_nothing_is_known() -> None:
         (0.002, -0.011, True, 0.00002),
     ],
 )
-def test_what_turns_a_rotor(theta_dot: float, q_dot: float, has_gap: bool, turned: float) -> None:
+def test_the_displacement_of_a_rotor_depends_on_its_gap(
+    theta_dot: float, q_dot: float, has_gap: bool, turned: float
+) -> None:
     moved = 0.00001
     assert displacement(theta_dot, q_dot, moved, has_gap, 0.01) == pytest.approx(turned)

@@ -1,4 +1,4 @@
-"""Forces felt at the tool, against forces tried in all directions."""
+"""Forces detectable at the tool, against forces tried in all directions."""
 
 import numpy as np
 import pytest
@@ -15,12 +15,12 @@ DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
 
 
 def tried(jacobian: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Force [N] at which one joint feels it, in each direction."""
+    """Force [N] in each direction at which one joint exceeds its level."""
     return 1.0 / np.abs(DIRECTIONS @ (jacobian / level)).max(axis=1)
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(3, 12))
-def test_no_direction_feels_better_or_worse(seed: int, n: int) -> None:
+def test_no_direction_has_a_smaller_or_larger_detectable_force(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     jacobian, level = rng.normal(size=(3, n)), rng.uniform(0.1, 3.0, n)
     jacobian *= rng.uniform(size=n) < 0.9  # some joints have no lever
@@ -30,7 +30,7 @@ def test_no_direction_feels_better_or_worse(seed: int, n: int) -> None:
     forces = tried(jacobian, level)
     assert sense.least <= forces.min() * (1 + 1e-9)
     assert sense.most >= forces.max() * (1 - 1e-9)
-    # Each is felt just so in its own direction.
+    # Each is just detected in its own direction.
     for force, along in ((sense.least, sense.least_along), (sense.most, sense.most_along)):
         assert np.linalg.norm(along) == pytest.approx(1.0)
         assert np.abs(force * along @ (jacobian / level)).max() == pytest.approx(1.0)
@@ -47,10 +47,10 @@ def test_two_levers_in_a_plane() -> None:
     assert np.abs(sense.undetected) == pytest.approx(np.array([[0.0, 0.0, 1.0]]))
 
 
-@given(seed=st.integers(0, 10_000), n=st.integers(1, 8), deaf=st.integers(1, 8))
-def test_a_joint_that_feels_nothing_is_as_good_as_none(seed: int, n: int, deaf: int) -> None:
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 8), idle=st.integers(1, 8))
+def test_a_joint_without_torque_changes_nothing(seed: int, n: int, idle: int) -> None:
     rng = np.random.default_rng(seed)
-    jacobian, level = rng.normal(size=(3, n + deaf)), rng.uniform(0.1, 3.0, n + deaf)
+    jacobian, level = rng.normal(size=(3, n + idle)), rng.uniform(0.1, 3.0, n + idle)
     level[n:] = np.inf
     sense, without = tool_sense(jacobian, level), tool_sense(jacobian[:, :n], level[:n])
     assert (sense.least, sense.most) == pytest.approx((without.least, without.most))

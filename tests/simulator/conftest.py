@@ -129,12 +129,16 @@ class Master:
 
     def tick(self, controlword: int | None = None, velocity: Any = 0.0) -> dict[int, bytes]:
         """One period: SYNC, answers by COB-ID, then RPDOs and heartbeat unless there is no word."""
-        self.arm.advance(self.arm.now + self.description.period_s)
+        self.wait(self.description.period_s)
         answers = dict(self.send(0x80))
         if controlword is not None:
             self.command(controlword, velocity)
             self.send(0x77F, b"\x05")
         return answers
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass without a frame from this master."""
+        self.arm.advance(self.arm.now + seconds)
 
     def enable(self) -> None:
         """Set up and step through to operation enabled."""
@@ -151,6 +155,12 @@ def master(romeo: ArmDescription) -> Callable[..., Master]:
         return Master(description, **{"mismatch": NOMINAL, **settings})
 
     return make
+
+
+@pytest.fixture
+def one(master: Callable[..., Master]) -> Master:
+    """A master of the nominal arm, not set up."""
+    return master()
 
 
 @pytest.fixture

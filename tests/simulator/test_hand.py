@@ -34,7 +34,7 @@ def torque(one: Hand, q: Any = Q, q_dot: Any = STILL) -> list[float]:
     ("shape", "expected"),
     [("step", [2.0, 2.0, 2.0]), ("ramp", [0.0, 0.5, 1.5]), ("pulse", [0.0, 2**0.5, 2**0.5])],
 )
-def test_push(shape: Any, expected: list[float]) -> None:
+def test_a_push_has_its_shape_and_ends(shape: Any, expected: list[float]) -> None:
     one = hand(Push(at_s=1.0, joint="b", torque=2.0, duration_s=0.5, shape=shape))
     assert one.update(100.999, Q) == []
     assert not one.touching
@@ -52,7 +52,9 @@ def test_push(shape: Any, expected: list[float]) -> None:
 @pytest.mark.parametrize(
     ("lasts", "expected"), [(0.5, [0.0, 10.0, 20.0, 0.0]), (None, [0.0, 10.0, 20.0, 20.0])]
 )
-def test_press(lasts: float | None, expected: list[float]) -> None:
+def test_a_press_rises_and_its_torque_follows_the_pose(
+    lasts: float | None, expected: list[float]
+) -> None:
     """It rises, and its torque follows the pose."""
     script = (Press(at_s=1.0, force=(0.0, 20.0, 0.0), rise_s=0.2, duration_s=lasts),)
     one = Hand(script, NAMES, np.full(2, 10.0), at_tool=lambda q, force: q * force[1])
@@ -81,26 +83,28 @@ def test_in_a_gap_it_presses_with_a_hundredth_of_what_the_motor_gives_or_as_aske
     assert seen == pytest.approx([pressed, -pressed, pressed, -pressed])
 
 
-@pytest.mark.parametrize(("asked", "pulled"), [(None, [0.6, 4.0]), (0.5, [0.5, 0.5])])
-def test_a_hand_leads_with_a_fifth_of_what_the_motor_gives_or_as_asked(
-    asked: float | None, pulled: list[float]
+@pytest.mark.parametrize(
+    ("strongest", "friction", "asked", "pulled"),
+    [
+        ([3.0, 80.0], None, None, [0.6, 4.0]),
+        ([3.0, 80.0], None, 0.5, [0.5, 0.5]),
+        ([30.0, 8.0], [0.1, 0.0], None, [0.4, 1.6]),
+    ],
+    ids=["a fifth of what the motor gives", "as asked", "at most four times the friction"],
+)
+def test_the_torque_of_a_hand_that_leads_is_limited(
+    strongest: list[float], friction: Any, asked: float | None, pulled: list[float]
 ) -> None:
-    one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([3.0, 80.0]))
-    one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=asked))
+    """By its friction, too: the contact level of an identified joint is some share of it."""
+    limits = {"strongest": np.array(strongest)}
+    limits |= {"friction": np.array(friction)} if friction else {}
+    one = Hand((), NAMES, np.full(2, 10.0), **limits)
+    words = one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=asked))
+    if friction:
+        assert words == "lead a to 2 rad, b to 2 rad, with at most 0.4 Nm, 1.6 Nm"
     one.update(0.0, Q)
     one.update(1.0, Q)
     assert torque(one) == pytest.approx(pulled)
-
-
-def test_a_hand_leads_with_four_times_the_friction_at_most_and_says_so() -> None:
-    """The level of an identified joint is some share of its friction, whatever its motor."""
-    one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([30.0, 8.0]),
-               friction=np.array([0.1, 0.0]))  # fmt: skip
-    words = one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=None))
-    assert words == "lead a to 2 rad, b to 2 rad, with at most 0.4 Nm, 1.6 Nm"
-    one.update(0.0, Q)
-    one.update(1.0, Q)
-    assert torque(one) == pytest.approx([0.4, 1.6])
 
 
 def test_two_pushes_add_up() -> None:
@@ -165,7 +169,7 @@ def test_unknown_joint_is_refused() -> None:
         hand(Push(at_s=0.0, joint="elbow", torque=1.0, duration_s=1.0))
 
 
-def test_script_file(tmp_path: Path) -> None:
+def test_a_script_file_is_read_in_order_of_time(tmp_path: Path) -> None:
     path = tmp_path / "hand.yaml"
     path.write_text(
         "- {at_s: 6.0, act: push, joint: a, torque: 2.0, duration_s: 0.5}\n"
@@ -224,7 +228,7 @@ def test_a_bad_act_is_named_and_what_there_is(tmp_path: Path, act: str, said: st
         read_script(path)
 
 
-def test_hand_meets_arm(master: Callable[..., Any]) -> None:
+def test_a_script_starts_with_the_first_target_velocity(master: Callable[..., Any]) -> None:
     """The script starts with the first target velocity; a strong guide takes a limp elbow along."""
     script = (
         Guide(at_s=0.5, to={"LElbowRoll": 0.3}, speed=0.5, stiffness=60.0, max_torque=6.0),
@@ -251,7 +255,7 @@ def test_hand_meets_arm(master: Callable[..., Any]) -> None:
     assert np.abs(one.arm.plant.q_dot).max() < 0.5
 
 
-def test_it_gives_something_and_takes_it_away(tmp_path: Path) -> None:
+def test_a_hand_gives_a_load_and_takes_it_away(tmp_path: Path) -> None:
     script = tmp_path / "cup.yaml"
     script.write_text(
         "- {at_s: 2, act: give, mass: 0}\n- {at_s: 1, act: give, mass: 0.3, com: [0.1, 0, 0]}\n"

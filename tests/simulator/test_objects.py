@@ -1,7 +1,6 @@
 """SDO over frames: transfers, abort codes, limits, and the defaults of the EDS."""
 
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,6 @@ from simulator.objects import Objects, key
 from tests.examples import scaled
 
 NODE = 3
-Make = Callable[..., Any]
-
-
-@pytest.fixture
-def one(master: Make) -> Any:
-    return master()
 
 
 @pytest.mark.parametrize(

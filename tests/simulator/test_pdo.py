@@ -1,19 +1,12 @@
 """The mapping procedure of CiA 301 and what then goes over the bus."""
 
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 NODE = 2
-Make = Callable[..., Any]
 INVALID = 1 << 31
-
-
-@pytest.fixture
-def one(master: Make) -> Any:
-    return master()
 
 
 @pytest.mark.parametrize(("communication", "cob"), [(0x1400, 0x202), (0x1800, 0x40000182)])

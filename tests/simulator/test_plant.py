@@ -204,7 +204,7 @@ def test_a_press_works_as_much_as_the_joints_do(romeo: ArmDescription) -> None:
     np.testing.assert_allclose(plant.pressed(q, force), expected, atol=1e-6)
 
 
-def test_what_the_hand_is_given_weighs_and_can_be_taken_away(romeo: ArmDescription) -> None:
+def test_a_carried_load_has_its_weight_and_can_be_removed(romeo: ArmDescription) -> None:
     plant = Plant(still(true_parameters(romeo, SimulationSettings())), STEP)
     place, q = np.array([0.08, 0.01, -0.02]), np.full(7, 0.2)
 

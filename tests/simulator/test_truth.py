@@ -20,6 +20,11 @@ from programs.simulate.simulated_robot import describe, read_simulation, refused
 from simulator.state_machine import State
 
 
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return generate(0).write(tmp_path / "arm")
+
+
 def written(folder: Path) -> dict:
     return yaml.safe_load((folder / "simulation.yaml").read_text())
 
@@ -28,6 +33,10 @@ def change(folder: Path, edit) -> None:
     data = written(folder)
     edit(data)
     (folder / "simulation.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+
+
+def set_quirks(folder: Path, **quirks) -> None:
+    change(folder, lambda data: data["drives"]["servo"].update(quirks=quirks))
 
 
 def wrong_encoder(data: dict, encoder: str) -> None:
@@ -123,8 +132,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: d.pop("joints"), "the true arm is missing .* --write-truth"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_simulated_is_refused_and_never_another_make(edit, says, tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_a_truth_that_cannot_be_simulated_is_refused(folder, edit, says):
     change(folder, edit)
     with pytest.raises(ConfigurationError, match=says):
         true_arm(load_robot(folder))
@@ -149,15 +157,10 @@ def test_a_file_of_before_is_refused_with_the_words_to_change_it_and_kept(tmp_pa
     assert "move simulation.yaml and simulation.urdf away first" in again.output
 
 
-def test_what_the_daemon_is_going_to_refuse_of_the_arm_is_said_with_the_way_out(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_drives_that_the_daemon_will_refuse_are_reported_with_a_remedy(folder):
     assert refused_drives(load_robot(folder), true_arm(load_robot(folder))[1]) == []
-    text, found = re.subn(
-        r"rated_current_A: \S+",
-        "rated_current_A: 1.75",
-        (folder / "config.yaml").read_text(),
-        count=1,
-    )
+    before = (folder / "config.yaml").read_text()
+    text, found = re.subn(r"rated_current_A: \S+", "rated_current_A: 1.75", before, count=1)
     assert found == 1
     (folder / "config.yaml").write_text(text)
     robot = load_robot(folder)
@@ -169,8 +172,7 @@ def test_what_the_daemon_is_going_to_refuse_of_the_arm_is_said_with_the_way_out(
     assert way.endswith(f"`contactd simulate {folder} --write-truth`")
 
 
-def test_a_truth_cannot_be_written_of_setpoints_elsewhere(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_a_truth_cannot_be_written_of_setpoints_elsewhere(folder):
     (folder / "simulation.yaml").unlink()
     text = (folder / "config.yaml").read_text()
     sign = "    quick_stop_deceleration:\n"
@@ -181,26 +183,20 @@ def test_a_truth_cannot_be_written_of_setpoints_elsewhere(tmp_path):
     assert not (folder / "simulation.urdf").exists()
 
 
-def test_encoder_errors_of_the_file_are_what_the_daemon_reads(tmp_path):
-    folder, off = generate(0).write(tmp_path / "arm"), 0.004
-    error = {"encoder": "link", "order": 1, "amplitude": off, "phase": 1.5708}
+def test_encoder_errors_of_the_file_are_what_the_daemon_reads(folder):
+    error = {"encoder": "link", "order": 1, "amplitude": 0.004, "phase": 1.5708}
     change(folder, lambda data: data["joints"][1].update(encoder_errors=[error]))
     with true_rig(folder) as rig:
         rig.run(0.1)
         q = rig.arm.plant.q
         found = rig.samples.link_position - q
-    assert found[1] == pytest.approx(off * np.cos(q[1]), abs=1e-4)
+    assert found[1] == pytest.approx(0.004 * np.cos(q[1]), abs=1e-4)
     assert np.abs(np.delete(found, 1)).max() < 2e-4
 
 
 @pytest.mark.parametrize("needs_reset", [True, False])
-def test_a_drive_without_a_heartbeat_consumer_goes_on_without_a_master(needs_reset, tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
-
-    def quirks(data):
-        data["drives"]["servo"]["quirks"] = {"no_heartbeat_consumer": not needs_reset}
-
-    change(folder, quirks)
+def test_a_drive_without_a_heartbeat_consumer_goes_on_without_a_master(folder, needs_reset):
+    set_quirks(folder, no_heartbeat_consumer=not needs_reset)
     with true_rig(folder) as rig:
         rig.enable()
         rig.arm.advance(rig.arm.now + 0.5)  # no SYNC and no heartbeat meanwhile
@@ -209,13 +205,8 @@ def test_a_drive_without_a_heartbeat_consumer_goes_on_without_a_master(needs_res
     assert states == {stopped}
 
 
-def test_coarse_velocity_and_unfiltered_current(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
-
-    def quirks(data):
-        data["drives"]["servo"]["quirks"] = {"velocity_step": 2.0, "current_filter_ms": 0.0}
-
-    change(folder, quirks)
+def test_coarse_velocity_and_unfiltered_current(folder):
+    set_quirks(folder, velocity_step=2.0, current_filter_ms=0.0)
     with true_rig(folder) as rig:
         arm = rig.arm
         gear = np.array([joint.gear for joint in arm.description.joints])
@@ -229,8 +220,7 @@ def test_coarse_velocity_and_unfiltered_current(tmp_path):
         assert (np.array([drive.make.current_filter_ms for drive in arm.drives]) == 0.0).all()
 
 
-def test_no_file_says_nothing(tmp_path):
-    folder = generate(0).write(tmp_path / "arm")
+def test_no_file_says_nothing(folder):
     (folder / "simulation.yaml").unlink()
     robot = load_robot(folder)
     assert read_simulation(robot).joints == []
@@ -238,9 +228,8 @@ def test_no_file_says_nothing(tmp_path):
         true_arm(robot)
 
 
-def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(tmp_path):
+def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(folder):
     """A measurement of a drive stays at the end of its object, and the simulation goes on."""
-    folder = generate(0).write(tmp_path / "arm")
     sheet = folder / "drive.eds"
     wide = r"(?s)(\[606C\].*?DataType=0x0*)4"
     text, found = re.subn(wide, r"\g<1>3", sheet.read_text(), count=1)

@@ -1,7 +1,10 @@
 """Stand of the system tests: the service, its journal, the simulated drives."""
 
 import contextlib
+import grp
 import json
+import os
+import pwd
 import subprocess
 import threading
 import time
@@ -82,6 +85,24 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
     identified.write_identified(folder / "identified.yaml", found)
 
 
+def show(unit: str, name: str) -> str:
+    """A property of a unit."""
+    return run("systemctl", "show", "--value", "-p", name, unit).stdout.strip()
+
+
+def assert_is_confined(pid: int, user: str) -> None:
+    """A process has this user, the view group alone, and no capability or real-time priority."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    about = {name: value.split() for name, value in (line.split(":", 1) for line in lines)}
+    view = grp.getgrnam("contact-view").gr_gid
+    assert int(about["Uid"][0]) == pwd.getpwnam(user).pw_uid
+    assert {int(each) for each in (about["Gid"][0], *about["Groups"])} == {view}
+    assert int(about["CapEff"][0], 16) == int(about["CapBnd"][0], 16) == 0
+    assert (about["NoNewPrivs"], about["Seccomp"]) == (["1"], ["2"])
+    assert os.getpriority(os.PRIO_PROCESS, pid) == 10
+    assert os.sched_getscheduler(pid) == os.SCHED_BATCH
+
+
 class Service:
     """contactd.service as a person sees it with systemctl, journalctl and contactctl."""
 
@@ -120,6 +141,10 @@ class Service:
     def start(self) -> None:
         """Returns when it is ready; on a slow machine a drive may answer only at a later try."""
         run("systemctl", "start", SERVICE)
+        self.wait_until_ready()
+
+    def wait_until_ready(self) -> None:
+        """Returns when the unit is active."""
         wait_for(lambda: self.show("ActiveState") == "active", "readiness")
 
     def stop(self) -> None:
@@ -132,7 +157,7 @@ class Service:
 
     def show(self, name: str) -> str:
         """A property of the unit."""
-        return run("systemctl", "show", "--value", "-p", name, SERVICE).stdout.strip()
+        return show(SERVICE, name)
 
     @property
     def pid(self) -> int:

@@ -52,7 +52,7 @@ def test_without_can0_there_is_no_daemon_and_with_it_there_is_again(
     run("ip", "link", "add", CAN, "type", "vcan", check=True)
     bring_up()
     wait_for(lambda: service.pid not in (0, pid), "a new process")
-    wait_for(lambda: service.show("ActiveState") == "active", "readiness")
+    service.wait_until_ready()
     assert stopped < service.started_s
     status = service.wait_for_samples()
     assert (status.mode, status.armed) == ("off", False)

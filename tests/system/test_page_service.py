@@ -1,10 +1,8 @@
-"""contactd-web.service beside contactd.service: its sandbox, its one door, and what a user of the
+"""contactd-web.service beside contactd.service: its sandbox, its one socket, and what a user of the
 view socket may."""
 
 import contextlib
-import grp
 import json
-import os
 import pwd
 import socket
 import subprocess
@@ -18,7 +16,7 @@ import pytest
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.requests import COMMANDS
-from tests.system.stand import Service, Simulator, run, wait_for
+from tests.system.stand import Service, Simulator, assert_is_confined, run, show, wait_for
 
 PAGE = "contactd-web.service"
 URL = "http://127.0.0.1:8420"
@@ -58,11 +56,6 @@ def asked(path: Path, *commands: str, group: str) -> dict[str, tuple[bool | None
     return {command: (ok, text) for command, ok, text in found}
 
 
-def show(name: str) -> str:
-    """A property of the page's unit."""
-    return run("systemctl", "show", "--value", "-p", name, PAGE).stdout.strip()
-
-
 def fetch(path: str, command: str = "") -> str:
     """Answer of the page's server; a command is posted as the page's own script does."""
     headers = {"Origin": URL, "X-Contactd-Command": command} if command else {}
@@ -89,17 +82,9 @@ def page(service: Service, simulator: Simulator) -> Iterator[Service]:
     run("systemctl", "reset-failed", PAGE)
 
 
-def test_it_looks_through_one_door_and_has_next_to_nothing(page: Service) -> None:
-    pid = int(show("MainPID"))
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    about = {name: value.split() for name, value in (line.split(":", 1) for line in lines)}
-    look = grp.getgrnam("contact-view").gr_gid
-    assert int(about["Uid"][0]) == pwd.getpwnam("contactd-web").pw_uid
-    assert {int(each) for each in (about["Gid"][0], *about["Groups"])} == {look}
-    assert int(about["CapEff"][0], 16) == int(about["CapBnd"][0], 16) == 0
-    assert (about["NoNewPrivs"], about["Seccomp"]) == (["1"], ["2"])
-    assert os.getpriority(os.PRIO_PROCESS, pid) == 10
-    assert os.sched_getscheduler(pid) == os.SCHED_BATCH
+def test_the_process_is_confined_to_the_view_socket(page: Service) -> None:
+    pid = int(show(PAGE, "MainPID"))
+    assert_is_confined(pid, "contactd-web")
     mounts = [line.split() for line in Path(f"/proc/{pid}/mountinfo").read_text().splitlines()]
     writable = {mount[4] for mount in mounts if "rw" in mount[5].split(",")}
     assert "/" not in writable
@@ -119,7 +104,7 @@ def test_the_page_stops_an_arm_in_motion(page: Service) -> None:
     assert "on behalf of the page at 127.0.0.1" in status.cause
 
 
-def test_it_records_where_it_may_write_and_nowhere_else(page: Service) -> None:
+def test_recordings_are_written_to_its_state_folder(page: Service) -> None:
     running = json.loads(fetch("/arms/0/record", "record"))["running"]
     path = Path("/var/lib/contactd-web/recordings") / running
     wait_for(lambda: path.exists() and path.stat().st_size > 1000, "a recording")
@@ -130,16 +115,16 @@ def test_it_records_where_it_may_write_and_nowhere_else(page: Service) -> None:
     assert not path.exists()
 
 
-def test_it_stays_while_the_daemon_is_gone_and_finds_the_next(page: Service) -> None:
-    pid = show("MainPID")
+def test_the_page_outlasts_the_daemon_and_finds_the_next(page: Service) -> None:
+    pid = show(PAGE, "MainPID")
     page.stop()
     assert json.loads(fetch("/arms/0/stop", "stop"))["outcome"] == "not reached"
     page.start()
     wait_for(lambda: "not reached" not in fetch("/arms/0/stop", "stop"), "the next daemon")
-    assert (show("MainPID"), show("NRestarts")) == (pid, "0")
+    assert (show(PAGE, "MainPID"), show(PAGE, "NRestarts")) == (pid, "0")
 
 
-def test_who_looks_may_stop_and_does_not_reach_the_control_socket(page: Service) -> None:
+def test_a_user_of_the_view_socket_may_stop_and_not_control(page: Service) -> None:
     page.enable()
     found = asked(VIEW, *COMMANDS, group="contact-view")
     taken = {command for command, (ok, _) in found.items() if ok}
@@ -155,12 +140,12 @@ def test_who_looks_may_stop_and_does_not_reach_the_control_socket(page: Service)
         assert asked(path, "status", group="nogroup")["status"][0] is None
 
 
-def test_with_its_port_taken_it_is_never_given_up_and_no_start_is_one_too_many() -> None:
+def test_with_its_port_taken_starts_are_repeated_without_a_limit() -> None:
     with socket.create_server(("127.0.0.1", 8420), reuse_port=False) as taken:
         for _ in range(7):
             run("systemctl", "restart", PAGE)
-            wait_for(lambda: show("SubState") == "auto-restart", "the next try")
-            assert show("Result") != "start-limit-hit"
+            wait_for(lambda: show(PAGE, "SubState") == "auto-restart", "the next try")
+            assert show(PAGE, "Result") != "start-limit-hit"
         taken.close()
     wait_for(served, "the page, by itself")
     run("systemctl", "stop", PAGE, check=True)

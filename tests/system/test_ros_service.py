@@ -1,9 +1,7 @@
-"""contactd-zenoh.service beside contactd.service: its sandbox, its one door, and a router of this
+"""contactd-zenoh.service beside contactd.service: its sandbox, its one socket, and a router of this
 machine that comes and goes."""
 
 import contextlib
-import grp
-import os
 import pwd
 import time
 from collections.abc import Iterator
@@ -18,17 +16,12 @@ from programs.zenoh.messages import read_outcome
 from programs.zenoh.names import Distro, Node, attachment
 from programs.zenoh.services import TRIGGER, endpoint
 from tests.programs.zenoh.zenoh_router import router_of, session_at
-from tests.system.stand import Service, Simulator, run, wait_for
+from tests.system.stand import Service, Simulator, assert_is_confined, run, show, wait_for
 
 ROS = "contactd-zenoh.service"
 PORT = 7447
 NODE = Node(0, "/contactd", "contactd", Distro.JAZZY)
 PAYLOADS = {TRIGGER: b"\0\1\0\0\0", SET_BOOL: b"\0\1\0\0\1"}
-
-
-def show(name: str) -> str:
-    """A property of the unit."""
-    return run("systemctl", "show", "--value", "-p", name, ROS).stdout.strip()
 
 
 def call(name: str, kind: str = TRIGGER) -> tuple[bool, str] | None:
@@ -55,29 +48,21 @@ def ros(service: Service, simulator: Simulator) -> Iterator[Service]:
     run("systemctl", "reset-failed", ROS)
 
 
-def test_it_looks_through_one_door_and_has_next_to_nothing(ros: Service) -> None:
-    pid = int(show("MainPID"))
+def test_the_process_is_confined_to_the_view_socket(ros: Service) -> None:
+    pid = int(show(ROS, "MainPID"))
     uid = pwd.getpwnam("contactd-zenoh").pw_uid
     wait_for(lambda: Path(f"/proc/{pid}").stat().st_uid == uid, "its own user")
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    about = {name: value.split() for name, value in (line.split(":", 1) for line in lines)}
-    look = grp.getgrnam("contact-view").gr_gid
-    assert int(about["Uid"][0]) == uid
-    assert {int(each) for each in (about["Gid"][0], *about["Groups"])} == {look}
-    assert int(about["CapEff"][0], 16) == int(about["CapBnd"][0], 16) == 0
-    assert (about["NoNewPrivs"], about["Seccomp"]) == (["1"], ["2"])
-    assert os.getpriority(os.PRIO_PROCESS, pid) == 10
-    assert os.sched_getscheduler(pid) == os.SCHED_BATCH
+    assert_is_confined(pid, "contactd-zenoh")
 
 
-def test_it_says_what_the_arm_feels_and_stops_it(ros: Service) -> None:
+def test_external_torques_are_published_and_the_arm_is_stopped(ros: Service) -> None:
     ros.enable()
     assert ros.request("start").ok
     ros.wait_for_mode("tracking")
     with router_of(PORT), contextlib.closing(session_at(f"tcp/127.0.0.1:{PORT}", "client")) as own:
         got: list[Any] = []
         own.declare_subscriber("0/contactd/external_torque/**", got.append)
-        wait_for(lambda: len(got) > 10, "what the arm feels")
+        wait_for(lambda: len(got) > 10, "external torques")
         assert call("arm", SET_BOOL) is None
         assert call("reset") is None
         done, said = wait_for(lambda: call("stop"), "an answer")
@@ -88,8 +73,8 @@ def test_it_says_what_the_arm_feels_and_stops_it(ros: Service) -> None:
     assert "on behalf of ROS 2 client" in status.cause
 
 
-def test_it_stays_while_router_and_daemon_are_gone(ros: Service) -> None:
-    pid = show("MainPID")
+def test_the_service_outlasts_router_and_daemon(ros: Service) -> None:
+    pid = show(ROS, "MainPID")
     for _ in range(2):
         with router_of(PORT):
             wait_for(lambda: call("stop"), "an answer at this router")
@@ -98,19 +83,19 @@ def test_it_stays_while_router_and_daemon_are_gone(ros: Service) -> None:
             assert (done, said[:11]) == (False, "not reached")
             ros.start()
             wait_for(lambda: (call("stop") or (False,))[0], "the next daemon")
-    assert (show("MainPID"), show("NRestarts")) == (pid, "0")
+    assert (show(ROS, "MainPID"), show(ROS, "NRestarts")) == (pid, "0")
 
 
 def test_a_wrong_option_is_not_tried_for_ever(ros: Service) -> None:
     drop_in = Path("/run/systemd/system/contactd-zenoh.service.d/system-test.conf")
     drop_in.parent.mkdir()
-    command = show("ExecStart").split("path=")[1].split(" ;")[0]
+    command = show(ROS, "ExecStart").split("path=")[1].split(" ;")[0]
     try:
         drop_in.write_text(f"[Service]\nExecStart=\nExecStart={command} --allow-arm\n")
         run("systemctl", "daemon-reload", check=True)
         run("systemctl", "restart", ROS)
-        wait_for(lambda: show("ActiveState") == "failed", "the unit to fail")
-        assert (show("NRestarts"), show("ExecMainStatus")) == ("0", "2")
+        wait_for(lambda: show(ROS, "ActiveState") == "failed", "the unit to fail")
+        assert (show(ROS, "NRestarts"), show(ROS, "ExecMainStatus")) == ("0", "2")
     finally:
         drop_in.unlink()
         drop_in.parent.rmdir()

@@ -19,6 +19,12 @@ def energised(service: Service) -> bool:
     return "operation enabled" in service.wait_for_samples().drives
 
 
+def assert_is_off(service: Service) -> None:
+    status = service.wait_for_samples()
+    assert (status.mode, status.armed) == ("off", False)
+    assert "operation enabled" not in status.drives
+
+
 def policies(pid: int) -> list[int]:
     """Scheduling policy of every thread, the main one first."""
     threads = sorted(int(p.name) for p in Path(f"/proc/{pid}/task").iterdir())
@@ -31,7 +37,7 @@ def kernel_status(pid: int) -> dict[str, str]:
     return {name: value.strip() for name, value in (line.split(":", 1) for line in lines)}
 
 
-def test_it_comes_up_ready_and_energises_nothing(service: Service, simulator: Simulator) -> None:
+def test_a_start_ends_ready_and_energises_nothing(service: Service, simulator: Simulator) -> None:
     service.start()
     assert service.show("ActiveState") == "active"
     assert service.show("StatusText") == "off, not armed: started"
@@ -39,9 +45,7 @@ def test_it_comes_up_ready_and_energises_nothing(service: Service, simulator: Si
     set_up = next(i for i, line in enumerate(log) if "set up and read back" in line)
     ready = next(i for i, line in enumerate(log) if "ready, off, at" in line)
     assert set_up < ready
-    status = service.wait_for_samples()
-    assert (status.mode, status.armed) == ("off", False)
-    assert not energised(service)
+    assert_is_off(service)
 
     about = kernel_status(service.pid)
     assert int(about["Uid"].split()[0]) == pwd.getpwnam("contactd").pw_uid
@@ -49,9 +53,9 @@ def test_it_comes_up_ready_and_energises_nothing(service: Service, simulator: Si
     assert about["NoNewPrivs"] == "1"
     assert about["Seccomp"] == "2"
 
-    door = SOCKET.stat()
-    assert stat.S_IMODE(door.st_mode) == 0o660
-    assert door.st_gid == grp.getgrnam("contact").gr_gid
+    control = SOCKET.stat()
+    assert stat.S_IMODE(control.st_mode) == 0o660
+    assert control.st_gid == grp.getgrnam("contact").gr_gid
     assert run("contactctl", "--json", "status").returncode == 0
 
 
@@ -70,7 +74,7 @@ def test_the_loop_has_real_time_and_nothing_else_has(
     assert int(kernel_status(service.pid)["VmLck"].split()[0]) > 10_000
 
 
-def test_one_cpu_of_its_own_by_drop_in(service: Service, simulator: Simulator) -> None:
+def test_a_drop_in_gives_the_loop_a_cpu_of_its_own(service: Service, simulator: Simulator) -> None:
     service.configure("CPUAffinity=0")
     service.start()
     (cpu,) = [grant for grant in service.status().realtime if grant.name == "cpu"]
@@ -96,19 +100,21 @@ def test_every_change_of_mode_is_one_line_with_its_cause_and_ticks_are_none(
     assert service.show("StatusText") == "holding, not armed: drives enabled"
 
 
-def test_the_watchdog_is_fed_by_ticks(service: Service, simulator: Simulator) -> None:
+def test_ticks_keep_the_watchdog_from_expiring(service: Service, simulator: Simulator) -> None:
     service.configure("WatchdogSec=40")
     service.start()
     fed = service.show("WatchdogTimestampMonotonic")
     again = wait_for(
-        lambda: (now := service.show("WatchdogTimestampMonotonic")) != fed and now, "food"
+        lambda: (now := service.show("WatchdogTimestampMonotonic")) != fed and now, "the watchdog"
     )
     ticks = service.status().ticks
-    wait_for(lambda: service.show("WatchdogTimestampMonotonic") not in (fed, again), "more food")
+    wait_for(
+        lambda: service.show("WatchdogTimestampMonotonic") not in (fed, again), "the watchdog again"
+    )
     assert service.status().ticks > ticks
 
 
-def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
+def test_after_sigkill_drives_stop_and_the_next_process_energises_nothing(
     service: Service, simulator: Simulator
 ) -> None:
     service.configure("RestartSec=20")  # later than the drives stop, on a fast machine, too
@@ -123,16 +129,14 @@ def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
     (saved,) = [line.split()[-1] for line in service.log() if "/frames-" in line]
     assert Path(saved).parent == Path("/var/lib/contactd")
     assert Path(saved).stat().st_size > 0
-    wait_for(lambda: service.show("ActiveState") == "active", "readiness")
-    status = service.wait_for_samples()
-    assert (status.mode, status.armed) == ("off", False)
-    assert not energised(service)
-    # And it can be brought back to life by a person.
+    service.wait_until_ready()
+    assert_is_off(service)
+    # A person may enable it again.
     service.enable()
     assert energised(service)
 
 
-def test_frozen_for_a_while_a_fault_is_latched_until_a_person_resets_it(
+def test_a_process_frozen_for_a_while_latches_a_fault_until_a_reset(
     service: Service, simulator: Simulator
 ) -> None:
     service.configure("WatchdogSec=infinity")
@@ -153,7 +157,7 @@ def test_frozen_for_a_while_a_fault_is_latched_until_a_person_resets_it(
     wait_for(lambda: not energised(service), "drives without power")
 
 
-def test_frozen_for_good_the_watchdog_ends_it_and_the_next_energises_nothing(
+def test_a_frozen_process_is_ended_by_the_watchdog_and_the_next_energises_nothing(
     service: Service, simulator: Simulator
 ) -> None:
     service.configure("WatchdogSec=20")
@@ -165,10 +169,8 @@ def test_frozen_for_good_the_watchdog_ends_it_and_the_next_energises_nothing(
     wait_for(lambda: service.pid not in (0, pid), "a new process")
     assert stopped < service.started_s
     assert any("watchdog" in line.lower() for line in systemd_lines())
-    wait_for(lambda: service.show("ActiveState") == "active", "readiness")
-    status = service.wait_for_samples()
-    assert (status.mode, status.armed) == ("off", False)
-    assert not energised(service)
+    service.wait_until_ready()
+    assert_is_off(service)
 
 
 def systemd_lines() -> list[str]:
@@ -177,7 +179,7 @@ def systemd_lines() -> list[str]:
     return run(*words).stdout.splitlines()
 
 
-def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
+def test_a_stop_in_motion_brakes_holds_and_ends_in_this_order(
     service: Service, simulator: Simulator
 ) -> None:
     service.start()
@@ -190,7 +192,7 @@ def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
     changes = [line.split("] ")[1].split(":")[0] for line in lines if "[mode " in line]
     assert changes[-3:] == ["tracking -> stopping", "stopping -> holding", "holding -> off"]
     assert ended.endswith("ended: hold: joint")
-    # It took its leave: the drives do not miss it.
+    # Monitoring was switched off: the drives report no lost master.
     assert not simulator.reported(LOST)
 
 
@@ -207,9 +209,7 @@ def test_a_wrong_configuration_is_not_tried_again(service: Service) -> None:
     assert service.show("StatusText") == f"failed: {line[3:]}"
 
 
-def test_without_drives_it_is_tried_until_they_are_there_and_no_start_is_one_too_many(
-    service: Service, vcan: bool
-) -> None:
+def test_without_drives_starts_are_repeated_without_a_limit(service: Service, vcan: bool) -> None:
     logs = set(STATE.glob("frames-*"))
     service.configure("RestartSec=1")
     for number in range(7):
@@ -224,7 +224,7 @@ def test_without_drives_it_is_tried_until_they_are_there_and_no_start_is_one_too
     assert line.startswith("<3>")
     shown = run("systemctl", "status", SERVICE).stdout
     assert f'Status: "failed: {line[3:]}"' in shown
-    assert set(STATE.glob("frames-*")) == logs, "there is nothing to tell of a start that failed"
+    assert set(STATE.glob("frames-*")) == logs, "a start that failed saves no frames"
     service.configure("RestartSec=1")
     run("systemctl", "restart", SERVICE)
     assert run("systemctl", "start", SERVICE).returncode != 0, "it joins the next try"
@@ -233,7 +233,7 @@ def test_without_drives_it_is_tried_until_they_are_there_and_no_start_is_one_too
         wait_for(lambda: service.show("ActiveState") == "active", "readiness, by itself")
 
 
-def test_without_can0_a_start_says_so(service: Service, vcan: bool) -> None:
+def test_a_start_without_can0_reports_it(service: Service, vcan: bool) -> None:
     device = "sys-subsystem-net-devices-can0.device"
     assert (
         run("systemctl", "show", "--value", "-p", "JobRunningTimeoutUSec", device).stdout == "5s\n"

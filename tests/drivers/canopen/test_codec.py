@@ -53,6 +53,16 @@ def plain_profile(**changes) -> CanopenProfile:
     return CanopenProfile(**values | changes)
 
 
+def decoded(drives, frames) -> SampleDecoder:
+    """Decoder of these drives after one frame of each COB-ID."""
+    decoder = SampleDecoder(drives)
+    for cob_id, data in frames.items():
+        _, start, stop, layout = decoder.slots[cob_id]
+        decoder.raw[start:stop] = layout.unpack(data)
+    decoder.decode()
+    return decoder
+
+
 def test_romeo_uses_the_predefined_connection_set(joint_drives):
     fifth = joint_drives[4]
     assert [hex(pdo.cob_id) for pdo in transmit_pdos(fifth)] == ["0x185", "0x285"]
@@ -76,42 +86,28 @@ def test_counts_arrive_as_si_values_at_the_link(
               "1": ["motor_velocity", "statusword", "current"]},
     )  # fmt: skip
     signs = {"motor_sign": motor_sign, "link_sign": link_sign, "link_offset": link_offset}
-    decoder = SampleDecoder([drive(profile, **signs)])
-    for cob_id, layout, values in (
-        (0x181, "<iHh", (velocity, 0x27, current)),
-        (0x281, "<ii", (link, motor)),
-    ):
-        _, start, stop, compiled = decoder.slots[cob_id]
-        decoder.raw[start:stop] = compiled.unpack(struct.pack(layout, *values))
-    decoder.decode()
+    frames = {
+        0x181: struct.pack("<iHh", velocity, 0x27, current),
+        0x281: struct.pack("<ii", link, motor),
+    }
+    decoder = decoded([drive(profile, **signs)], frames)
     assert decoder.statuswords == (0x27,)
-    close = {"rtol": 1e-12, "atol": 1e-12}
-    np.testing.assert_allclose(decoder.current, motor_sign * 2.0 * 0.001 * current, **close)
-    np.testing.assert_allclose(
-        decoder.motor_velocity, motor_sign * 0.01 * velocity / 100.0, **close
-    )
-    np.testing.assert_allclose(
-        decoder.motor_position, motor_sign * sign * 1e-3 * motor / 100.0, **close
-    )
-    np.testing.assert_allclose(
-        decoder.link_position, link_sign * sign * (offset + 2e-5 * link) + link_offset, **close
-    )
+    for found, expected in (
+        (decoder.current, motor_sign * 2.0 * 0.001 * current),
+        (decoder.motor_velocity, motor_sign * 0.01 * velocity / 100.0),
+        (decoder.motor_position, motor_sign * sign * 1e-3 * motor / 100.0),
+        (decoder.link_position, link_sign * sign * (offset + 2e-5 * link) + link_offset),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 @given(link=st.integers(-157080, 157080), link_sign=SIGN, link_offset=st.floats(-3, 3))
-def test_what_an_encoder_errs_with_its_turn_is_taken_off(link, link_sign, link_offset):
+def test_harmonic_errors_of_an_encoder_are_corrected(link, link_sign, link_offset):
     """Correction of its joint alone, by the angle of the encoder itself."""
     harmonics = [Harmonic(order=1, cosine=0.0004, sine=-0.0003), Harmonic(order=3, sine=0.002)]
-    about = {"link_sign": link_sign, "link_offset": link_offset}
-    right, off = (
-        drive(plain_profile(), "a", node=1),
-        drive(plain_profile(), "b", node=2, link_correction=harmonics, **about),
-    )
-    decoder = SampleDecoder([right, off])
-    for cob_id in (0x281, 0x282):
-        _, start, _, _ = decoder.slots[cob_id]
-        decoder.raw[start] = link
-    decoder.decode()
+    corrected = {"link_sign": link_sign, "link_offset": link_offset, "link_correction": harmonics}
+    drives = [drive(plain_profile(), "a"), drive(plain_profile(), "b", node=2, **corrected)]
+    decoder = decoded(drives, dict.fromkeys((0x281, 0x282), struct.pack("<i", link)))
     angle = link_sign * 2e-5 * link
     error = 0.0004 * np.cos(angle) - 0.0003 * np.sin(angle) + 0.002 * np.sin(3.0 * angle)
     expected = [2e-5 * link, angle + link_offset - error]
@@ -120,8 +116,7 @@ def test_what_an_encoder_errs_with_its_turn_is_taken_off(link, link_sign, link_o
 
 
 def test_nothing_is_known_before_the_first_frame(joint_drives):
-    decoder = SampleDecoder(joint_drives)
-    decoder.decode()
+    decoder = decoded(joint_drives, {})
     assert np.isnan([decoder.current, decoder.link_position, decoder.motor_velocity]).all()
     assert decoder.statuswords == (-1,) * 7
 
@@ -133,20 +128,15 @@ def test_drives_of_two_kinds_share_an_arm():
         tpdo={"1": ["link_position", "current", "statusword"],
               "3": ["motor_position", "motor_velocity"]},
     )  # fmt: skip
-    decoder = SampleDecoder([drive(plain_profile(), "a", node=1), drive(other, "b", node=2)])
     frames = {
         0x181: struct.pack("<Hhi", 0x40, 500, 100),
         0x281: struct.pack("<i", 1000),
         0x182: struct.pack("<ihH", 2000, 500, 0x27),
         0x382: struct.pack("<ii", 7, 300),
     }
-    assert {cob_id: slot[0] for cob_id, slot in decoder.slots.items()} == {
-        0x181: 0, 0x281: 0, 0x182: 1, 0x382: 1,
-    }  # fmt: skip
-    for cob_id, data in frames.items():
-        _, start, stop, layout = decoder.slots[cob_id]
-        decoder.raw[start:stop] = layout.unpack(data)
-    decoder.decode()
+    decoder = decoded([drive(plain_profile(), "a"), drive(other, "b", node=2)], frames)
+    joints = {cob_id: slot[0] for cob_id, slot in decoder.slots.items()}
+    assert joints == {0x181: 0, 0x281: 0, 0x182: 1, 0x382: 1}
     assert decoder.statuswords == (0x40, 0x27)
     np.testing.assert_allclose(decoder.current, [1.0, -2.0])
     np.testing.assert_allclose(decoder.link_position, [0.02, 0.04])
@@ -173,16 +163,12 @@ def test_a_setpoint_is_right_within_half_a_count(velocity, gear, motor_sign, sig
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_setpoint_is_saturated_at_the_limits_of_its_type(kind, sign):
     profile = plain_profile(target_velocity=quantity(0x60FF, kind, sign=sign))
-    encoder = SetpointEncoder([drive(profile, "a", node=1), drive(profile, "b", node=2)])
+    encoder = SetpointEncoder([drive(profile, "a"), drive(profile, "b", node=2)])
     lowest, highest = type_limits(kind)
     limits = [highest, lowest] if sign == 1 else [lowest, highest]
     assert encoder.encode(np.array([1e9, -1e9])) == limits
-    step = 0.01 / 100.0
-    assert encoder.encode(sign * np.array([highest, lowest]) * step) == [highest, lowest]
-    assert encoder.encode(sign * np.array([highest - 1, lowest + 1]) * step) == [
-        highest - 1,
-        lowest + 1,
-    ]
+    for counts in ([highest, lowest], [highest - 1, lowest + 1]):
+        assert encoder.encode(sign * np.array(counts) * 0.01 / 100.0) == counts
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -208,45 +194,29 @@ def test_type_limits(kind, limits):
     assert type_limits(kind) == limits
 
 
+FIRST = "statusword current motor_velocity"
+
+
 @pytest.mark.parametrize(
-    ("changes", "says"),
+    ("direction", "layout", "says"),
     [
-        ({"tpdo": {"1": ["statusword", "current"]}}, "tpdo: link_position, motor_velocity missing"),
-        ({"tpdo": {"1": ["current", "motor_velocity"], "2": ["link_position"]}}, "statusword"),
-        ({"tpdo": {"1": ["link_position", "motor_velocity", "current"]}}, "10 bytes; 8 are"),
-        (
-            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
-                      "2": ["link_position", "current"]}},
-            "more than once",
-        ),
-        (
-            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
-                      "2": ["link_position", "motor_position"]}},
-            "lists `motor_position`, but the drive profile does not define it",
-        ),
-        (
-            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
-                      "2": ["link_position", "controlword"]}},
-            "tpdo: controlword is not allowed",
-        ),
+        ("tpdo", ["statusword current"], "tpdo: link_position, motor_velocity missing"),
+        ("tpdo", ["current motor_velocity", "link_position"], "statusword"),
+        ("tpdo", ["link_position motor_velocity current"], "10 bytes; 8 are"),
+        ("tpdo", [FIRST, "link_position current"], "more than once"),
+        ("tpdo", [FIRST, "link_position motor_position"],
+         "lists `motor_position`, but the drive profile does not define it"),
+        ("tpdo", [FIRST, "link_position controlword"], "tpdo: controlword is not allowed"),
+        ("rpdo", ["controlword"], "target_velocity missing"),
+        ("rpdo", ["target_velocity"], "controlword missing"),
+        ("rpdo", ["controlword statusword"], "rpdo: statusword is not allowed"),
     ],
 )  # fmt: skip
-def test_a_layout_that_cannot_be_is_refused(changes, says):
+def test_an_impossible_layout_of_pdos_is_refused(direction, layout, says):
+    pdos = {str(number): names.split() for number, names in enumerate(layout, 1)}
+    mapped = transmit_pdos if direction == "tpdo" else receive_pdos
     with pytest.raises(ConfigurationError, match=says):
-        transmit_pdos(drive(plain_profile(**changes)))
-
-
-@pytest.mark.parametrize(
-    ("layout", "says"),
-    [
-        ({"1": ["controlword"]}, "target_velocity missing"),
-        ({"1": ["target_velocity"]}, "controlword missing"),
-        ({"1": ["controlword", "statusword"]}, "rpdo: statusword is not allowed"),
-    ],
-)
-def test_an_rpdo_that_cannot_be_is_refused(layout, says):
-    with pytest.raises(ConfigurationError, match=says):
-        receive_pdos(drive(plain_profile(rpdo=layout)))
+        mapped(drive(plain_profile(**{direction: pdos})))
 
 
 def test_settings_refuse_a_ninth_entry_and_a_fifth_pdo():
@@ -274,10 +244,6 @@ def test_a_profile_reports_current_or_torque():
             transmit_pdos(drive(msgspec.structs.replace(by_torque, tpdo=layout)))
     # Beside a drive that reports its current, half of the rated torque is half the rated current.
     by_current = drive(plain_profile(), "b", node=2, rated_current_A=3.0)
-    decoder = SampleDecoder([drive(by_torque, "a", node=1), by_current])
-    for joint, start, stop, layout in decoder.slots.values():
-        if stop - start == 3:
-            counts = (0x27, 500 + joint, 0)
-            decoder.raw[start:stop] = layout.unpack(layout.pack(*counts))
-    decoder.decode()
+    frames = {0x181 + k: struct.pack("<Hhi", 0x27, 500 + k, 0) for k in range(2)}
+    decoder = decoded([drive(by_torque, "a"), by_current], frames)
     np.testing.assert_allclose(decoder.current, [-1.0, 1.503])

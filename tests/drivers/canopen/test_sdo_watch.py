@@ -15,10 +15,10 @@ def answer(command: int = 0x4F, index: int = 0x1001) -> bytes:
 
 
 class Bus:
-    """Drives that answer one tick after they were asked, but for the deaf."""
+    """Drives that answer one tick after they were asked, but for those in `silent`."""
 
     def __init__(self, drives) -> None:
-        self.watch, self.deaf, self.asked = SdoWatch(drives), set(), []
+        self.watch, self.silent, self.asked = SdoWatch(drives), set(), []
         self.now, self._answering = 0.0, []
 
     def run(self, seconds: float) -> None:
@@ -29,7 +29,7 @@ class Bus:
             assert len(frames) <= 1
             self.asked += [(round(self.now, 2), can_id - 0x600) for can_id, _ in frames]
             self._answering = [
-                can_id - 0x600 for can_id, _ in frames if can_id - 0x600 not in self.deaf
+                can_id - 0x600 for can_id, _ in frames if can_id - 0x600 not in self.silent
             ]
             self.now += PERIOD_S
 
@@ -49,19 +49,19 @@ def test_all_are_asked_in_a_round_and_then_only_now_and_then(bus) -> None:
 
 
 def test_one_that_does_not_answer_is_found_and_the_others_are_asked_on(bus) -> None:
-    bus.deaf = {3}
+    bus.silent = {3}
     bus.run(2 * TIMEOUT_S + 0.15)
     assert bus.watch.silent == [2]
     assert [node for _, node in bus.asked] == [1, 2, 3, 3, 4, 5, 6, 7]
-    bus.deaf = set()
+    bus.silent = set()
     bus.run(ROUND_EVERY_S + 0.2)
     assert bus.watch.silent == []
 
 
 def test_one_lost_answer_is_none(bus) -> None:
-    bus.deaf = {3}
+    bus.silent = {3}
     bus.run(TIMEOUT_S + 0.01)
-    bus.deaf = set()
+    bus.silent = set()
     bus.run(1.0)
     assert bus.watch.silent == []
 
@@ -72,7 +72,7 @@ def test_one_lost_answer_is_none(bus) -> None:
 )
 def test_what_is_an_answer(bus, data, counts) -> None:
     """A refusal is one; what another client asked for is none."""
-    bus.deaf = {1}
+    bus.silent = {1}
     bus.run(2 * TIMEOUT_S + 0.03)
     assert bus.watch.silent == [0]
     bus.watch.on_sdo(1, data)
@@ -81,7 +81,7 @@ def test_what_is_an_answer(bus, data, counts) -> None:
 
 
 def test_what_was_on_its_way_when_the_asking_ended_is_not_held_against_a_drive(bus) -> None:
-    bus.deaf = {1}
+    bus.silent = {1}
     for _ in range(5):
         bus.run(TIMEOUT_S - 0.02)
         bus.watch.rest()
@@ -90,7 +90,7 @@ def test_what_was_on_its_way_when_the_asking_ended_is_not_held_against_a_drive(b
 
 
 def test_who_was_read_by_sdo_answers(bus) -> None:
-    bus.deaf = {1}
+    bus.silent = {1}
     bus.run(1.0)
     bus.watch.forget()
     assert bus.watch.silent == []

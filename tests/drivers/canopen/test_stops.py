@@ -26,7 +26,7 @@ from tests.drivers.canopen.scripted_wire import (
 STILL = np.zeros(N)
 STOPS, RUNS = 0x07, 0x27
 NMT, SYNC, HEARTBEAT = 0x000, 0x080, 0x77F
-TELL = bytes.fromhex("2b40600002000000")
+STOP_BY_SDO = bytes.fromhex("2b40600002000000")
 COMMANDED = bytes.fromhex("6040600000000000")
 STOP, OFF, ON = PowerTarget.QUICK_STOP, PowerTarget.OFF, PowerTarget.ON
 ALL = range(1, N + 1)
@@ -82,7 +82,7 @@ def rested(arm: Arm) -> Arm:
     return arm
 
 
-def test_a_drive_that_says_that_it_stands_is_commanded_by_its_setpoint_alone(rested: Arm) -> None:
+def test_a_drive_that_reports_a_stop_is_commanded_by_its_setpoint_alone(rested: Arm) -> None:
     arm = rested
     sent, _ = arm.tick(standing(statusword=RUNS))
     assert arm.drives.unproved() == arm.drives.names
@@ -107,7 +107,7 @@ def test_a_drive_without_a_sample_is_commanded_by_sdo_in_the_same_tick(rested: A
     stands."""
     arm = rested
     sent, _ = arm.tick(standing(3))
-    assert arm.sdo(sent) == [(3, TELL)]
+    assert arm.sdo(sent) == [(3, STOP_BY_SDO)]
     asked: list[bytes] = []
     answer = COMMANDED
     while arm.drives.unproved():
@@ -135,12 +135,12 @@ def test_the_stages_of_a_drive_that_stays_in_operation(rested: Arm) -> None:
     for k in range(25):
         sent, happened = arm.tick(standing(3) + on)
         for cob_id, data in sent:
-            if cob_id == NMT or (cob_id, data) == (0x603, TELL):
-                by_tick.setdefault(k, []).append((cob_id, data[0] if cob_id == NMT else "tell"))
+            if cob_id == NMT or (cob_id, data) == (0x603, STOP_BY_SDO):
+                by_tick.setdefault(k, []).append((cob_id, data[0] if cob_id == NMT else "stop"))
         events |= {k: happened} if happened else {}
         if arm.drives.silenced:
             break
-    assert by_tick[3] == [(0x603, "tell")]
+    assert by_tick[3] == [(0x603, "stop")]
     assert by_tick[9] == [(NMT, 2)]
     assert by_tick[10][0] == (NMT, 128), "stopped, it would answer no SDO"
     assert k == 18
@@ -154,7 +154,7 @@ def test_the_stages_of_a_drive_that_stays_in_operation(rested: Arm) -> None:
     assert arm.drives.unfit() == [*range(N)], "all have missed us"
 
 
-def test_a_drive_that_was_never_heard_may_run_at_full_speed(
+def test_a_drive_that_never_answered_is_assumed_at_full_speed(
     drives: CanopenDrives, scripted: ScriptedWire
 ) -> None:
     """Its silence comes as early as that of one that was seen to."""
@@ -167,7 +167,7 @@ def test_a_drive_that_was_never_heard_may_run_at_full_speed(
 def test_a_drive_that_restarted_is_commanded_by_sdo_alone(arm: Arm) -> None:
     sent, events = arm.tick([frame(0x703, b"\0"), *everything()])
     assert set(crossed(restarted(3))) <= set(events)
-    assert (3, TELL) in arm.sdo(sent)
+    assert (3, STOP_BY_SDO) in arm.sdo(sent)
 
 
 def test_a_drive_that_need_not_stop_is_not_commanded(arm: Arm) -> None:
@@ -196,20 +196,20 @@ def test_after_a_gap_in_our_presence_no_sync_goes_out_before_all_have_confirmed(
     assert (SYNC, b"") in sent
 
 
-def test_a_gap_that_the_drives_bear_is_none(arm: Arm) -> None:
+def test_a_gap_shorter_than_the_drives_timeout_is_none(arm: Arm) -> None:
     sent, events = arm.tick(everything(), ON, after=8)
     assert events == ()
     assert (SYNC, b"") in sent
 
 
-def test_bus_off_is_a_gap_at_once(arm: Arm) -> None:
+def test_after_bus_off_no_sync_goes_out(arm: Arm) -> None:
     sent, events = arm.tick([frame(0x040, bytes(8), is_error_frame=True), *everything()])
     assert events == crossed(Fact(Kind.OFF_BUS))
     sent, _ = arm.tick([])
     assert SYNC not in [cob_id for cob_id, _ in sent], "it would be queued behind an old setpoint"
 
 
-def test_heartbeats_that_were_not_sent_do_not_count(arm: Arm, scripted: ScriptedWire) -> None:
+def test_heartbeats_that_failed_count_as_a_gap(arm: Arm, scripted: ScriptedWire) -> None:
     scripted.failure = OSError(errno.ENOBUFS, "No buffer space available")
     found = []
     for _ in range(12):
@@ -223,7 +223,7 @@ def test_heartbeats_that_were_not_sent_do_not_count(arm: Arm, scripted: Scripted
     assert SYNC not in [cob_id for cob_id, _ in sent]
 
 
-def test_a_start_begins_anew(arm: Arm) -> None:
+def test_a_start_ends_the_silence(arm: Arm) -> None:
     for _ in range(40):
         arm.tick([])
     assert arm.drives.silenced
@@ -258,7 +258,7 @@ def test_samples_that_repeat_while_the_motor_moves_are_reported_and_it_is_asked(
     for k in range(40):
         commanded += arm.sdo(arm.tick(moving(4, statusword=STOPS))[0])
         assert "LElbowRoll" in arm.drives.unproved(), k
-    assert commanded[0] == (3, TELL), "its samples are no witness"
+    assert commanded[0] == (3, STOP_BY_SDO), "its samples are no witness"
     assert not arm.drives.silenced, "its statusword says that it obeys"
 
 
@@ -290,9 +290,7 @@ def test_a_hand_that_pushes_what_its_drives_hold_is_no_fault(push: float) -> Non
 
 
 @pytest.mark.parametrize(("out_s", "back_s"), [(0.3, 2.0), (0.8, 0.5)])
-def test_a_person_who_pushes_a_joint_beyond_its_travel_takes_no_power(
-    out_s: float, back_s: float
-) -> None:
+def test_a_push_beyond_the_travel_does_not_cut_the_power(out_s: float, back_s: float) -> None:
     """A spring of 60 Nm/rad, 0.9 rad out and back: the drive gives all it can, and springs back."""
     with lockstep_rig(ROMEO) as rig:
         rig.enable()

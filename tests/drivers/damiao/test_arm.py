@@ -1,85 +1,26 @@
 """Damiao motors of one arm in the whole program, against simulated ones that fail."""
 
-from collections.abc import Callable, Iterator, Sequence
-
 import msgspec
 import numpy as np
 import pytest
 
-from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from common.errors import DriveError, SilentDriveError
+from bench.rigs.lockstep import OPENARM, lockstep_rig
+from common.errors import DriveError
 from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.api import PowerTarget
-from drivers.can.wire import Frame, Wire
+from drivers.can.wire import Frame
 from drivers.damiao.frames import ANSWERS, Status, setpoint_of
-from simulator.damiao.motor import LOST, OVERLOAD
+from tests.drivers.motors.one_arm import DAMIAO, Filtered, Make, cause, furthest
 
 ON = PowerTarget.ON
-JOINT = 3  # which bears a load
-
-
-class Filter:
-    """Wire that passes the frames of which `passes` is true; both directions."""
-
-    def __init__(self, wire: Wire) -> None:
-        self.wire = wire
-        self.passes: Callable[[int, bytes], bool] = lambda can_id, data: True
-        self.more: list[Frame] = []
-        self.sent: list[tuple[int, bytes]] = []
-
-    def receive(self, timeout: float) -> Frame | None:
-        """The next frame that passes."""
-        if self.more:
-            return self.more.pop(0)
-        while (frame := self.wire.receive(timeout)) is not None:
-            if self.passes(frame[0], bytes(frame[1])):
-                return frame
-        return None
-
-    def send(self, frames: Sequence[Frame]) -> None:
-        """Send those that pass."""
-        kept = [(can_id, bytes(data)) for can_id, data in frames]
-        self.sent = kept
-        self.wire.send([frame for frame in kept if self.passes(*frame)])
-
-
-class Broken:
-    """A rig with its filter."""
-
-    rig: Rig
-    filter: Filter
+JOINT = DAMIAO.joint
 
 
 @pytest.fixture
-def arm() -> Iterator[Broken]:
-    broken = Broken()
-
-    def between(wire: Wire) -> Wire:
-        broken.filter = Filter(wire)
-        return broken.filter
-
-    with lockstep_rig(OPENARM, between=between) as broken.rig:
-        yield broken
-
-
-@pytest.fixture
-def moving(arm: Broken) -> Broken:
-    arm.rig.enable()
-    arm.rig.request(Event.START)
-    arm.rig.run(1.5)
-    assert arm.rig.mode is Mode.TRACKING
-    assert np.abs(arm.rig.samples.motor_velocity).max() > 0.1
-    return arm
-
-
-def cause(rig: Rig) -> str:
-    return str(rig.tick.controller.machine.cause)
-
-
-def stands(rig: Rig) -> bool:
-    return bool(np.abs(rig.arm.plant.theta_dot).max() < 0.02)
+def make() -> Make:
+    return DAMIAO
 
 
 # --- set-up ---------------------------------------------------------------------------------------
@@ -91,20 +32,14 @@ def stands(rig: Rig) -> bool:
      (20, 6.0, "model")],
 )  # fmt: skip
 def test_a_motor_that_is_not_as_configured_is_refused(
-    arm: Broken, register: int, value: float, says: str
+    arm: Filtered, register: int, value: float, says: str
 ) -> None:
     arm.rig.arm.motors[2].registers.values[register] = value
     with arm.rig.lockstep.serving(), pytest.raises(DriveError, match=says):
         arm.rig.drives.boot_up(lambda line: None)
 
 
-def test_a_silent_motor_is_named(arm: Broken) -> None:
-    arm.rig.arm.motors[4].silent = True
-    with arm.rig.lockstep.serving(), pytest.raises(SilentDriveError, match="joint5"):
-        arm.rig.drives.boot_up(lambda line: None)
-
-
-def test_what_a_reset_took_is_set_up_again_before_the_arm_is_enabled(arm: Broken) -> None:
+def test_a_reset_motor_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
     rig = arm.rig
     rig.run(0.1)
     rig.arm.motors[1].boot()
@@ -127,9 +62,7 @@ def test_enabled_it_holds_and_disabled_each_joint_ends_as_configured() -> None:
     with lockstep_rig(OPENARM, configure=limp_wrist) as rig:
         rig.enable()
         rig.run(1.0)
-        before = rig.arm.plant.q.copy()
-        rig.run(3.0)
-        assert np.abs(rig.arm.plant.q - before).max() < 0.002
+        assert furthest(rig, 3.0).max() < 0.002
         rig.request(Event.DISABLE)
         rig.run(1.0)
         assert rig.mode is Mode.OFF
@@ -137,16 +70,7 @@ def test_enabled_it_holds_and_disabled_each_joint_ends_as_configured() -> None:
         assert statuses == [Status.ENABLED] * 6 + [Status.DISABLED]
 
 
-def test_a_stop_is_a_ramp_that_is_proved(moving: Broken) -> None:
-    rig = moving.rig
-    rig.drives.quick_stop()
-    rig.request(Event.STOP)
-    rig.run(1.0)
-    assert rig.mode is Mode.HOLDING
-    assert stands(rig)
-
-
-def test_a_daemon_that_ends_leaves_joints_that_hold_by_themselves(arm: Broken) -> None:
+def test_a_daemon_that_ends_leaves_joints_that_hold_by_themselves(arm: Filtered) -> None:
     rig = arm.rig
     rig.enable()
     rig.run(1.0)
@@ -158,7 +82,7 @@ def test_a_daemon_that_ends_leaves_joints_that_hold_by_themselves(arm: Broken) -
     assert np.abs(rig.arm.plant.q - before).max() < 0.005
 
 
-def test_a_hand_winds_no_setpoint_up(arm: Broken) -> None:
+def test_a_push_against_a_holding_joint_keeps_its_setpoint_near(arm: Filtered) -> None:
     rig = arm.rig
     rig.enable()
     rig.run(0.5)
@@ -173,7 +97,7 @@ def test_a_hand_winds_no_setpoint_up(arm: Broken) -> None:
         assert abs(positions[JOINT] - here[JOINT]) < most + 0.05
 
 
-def test_a_limp_joint_may_be_moved_by_hand(arm: Broken) -> None:
+def test_a_limp_joint_may_be_moved_by_hand(arm: Filtered) -> None:
     rig = arm.rig
     rig.run(0.5)
     moved = 0.0
@@ -190,7 +114,7 @@ def test_a_limp_joint_may_be_moved_by_hand(arm: Broken) -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_a_lost_answer_is_one_missing_sample(moving: Broken, lost: int) -> None:
+def test_a_lost_answer_is_one_missing_sample(moving: Filtered, lost: int) -> None:
     rig, answers = moving.rig, 17 + JOINT
     for _ in range(5):
         left = [lost]
@@ -208,60 +132,7 @@ def test_a_lost_answer_is_one_missing_sample(moving: Broken, lost: int) -> None:
     assert rig.mode is Mode.TRACKING, cause(rig)
 
 
-def test_a_motor_that_falls_silent_stops_the_arm_and_is_commanded_on(moving: Broken) -> None:
-    rig = moving.rig
-    rig.arm.motors[0].silent = True
-    rig.run(1.0)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.STALE)
-    assert "joint1" in cause(rig)
-    assert all(motor.status == Status.ENABLED for motor in rig.arm.motors[1:])
-    assert 1 in [can_id for can_id, _ in moving.filter.sent]  # it may hear
-    assert "joint1" in rig.drives.unproved()
-    rig.arm.motors[0].silent = False
-    rig.run(1.0)
-    rig.reset()
-    rig.enable()
-
-
-@pytest.mark.parametrize(
-    ("status", "condition"), [(OVERLOAD, Condition.EMERGENCY), (LOST, Condition.UNHEARD)]
-)
-def test_a_motor_in_fault_stops_the_arm_until_a_reset(
-    moving: Broken, status: int, condition: Condition
-) -> None:
-    rig = moving.rig
-    rig.arm.motors[5].fail(status)
-    rig.run(1.0)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(condition)
-    assert rig.arm.motors[5].status == status  # nothing is cleared by itself
-    assert rig.ask(Event.ENABLE)
-    rig.reset()
-    rig.enable()
-    assert rig.arm.motors[5].status == Status.ENABLED
-
-
-def test_a_motor_that_restarts_in_motion_stops_the_arm(moving: Broken) -> None:
-    rig = moving.rig
-    rig.arm.motors[JOINT].boot()
-    rig.run(0.5)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.REBOOTED)
-    assert rig.arm.motors[JOINT].status == Status.DISABLED  # it is not enabled unset
-    rig.run(1.0)
-    rig.reset()
-    rig.enable()
-
-
-def test_another_master_stops_the_arm(moving: Broken) -> None:
-    moving.filter.more.append((1 + JOINT, bytes(8)))
-    moving.rig.run(0.2)
-    assert moving.rig.mode is Mode.FAULTED
-    assert cause(moving.rig).startswith(Condition.FOREIGN_MASTER)
-
-
-def test_two_motors_with_one_id_are_noticed(moving: Broken) -> None:
+def test_two_motors_with_one_id_stop_the_arm(moving: Filtered) -> None:
     wire, doubled = moving.filter.wire, 17 + JOINT
 
     class Twice:
@@ -279,7 +150,7 @@ def test_two_motors_with_one_id_are_noticed(moving: Broken) -> None:
     assert cause(moving.rig).startswith(Condition.TWO_DRIVES)
 
 
-def test_a_velocity_that_is_no_number_stops_all_motors(moving: Broken) -> None:
+def test_a_velocity_that_is_no_number_stops_all_motors(moving: Filtered) -> None:
     rig = moving.rig
     drives = rig.drives
     velocity = np.zeros(7)

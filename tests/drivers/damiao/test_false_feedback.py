@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
@@ -10,7 +9,7 @@ from daemon.modes.table import Mode
 from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import ANSWERS, Status
 from programs.contactd.travels import travels
-from tests.drivers.damiao.test_arm import Filter
+from tests.drivers.motors.one_arm import Filter, furthest
 
 JOINT = 3  # which bears a load
 STILL = 0.002  # [rad]
@@ -62,16 +61,6 @@ def holding(run: Callable[[Rig, Falsified], None]) -> None:
         run(rig, wires[0])
 
 
-def furthest(rig: Rig, seconds: float) -> float:
-    begun, most = rig.arm.plant.q.copy(), [0.0]
-
-    def each() -> None:
-        most[0] = max(most[0], float(np.abs(rig.arm.plant.q - begun).max()))
-
-    rig.run(seconds, each)
-    return most[0]
-
-
 def falsify(wire: Falsified, kind: str, frames: int) -> None:
     head, way = KINDS[kind]
     wire.head, wire.counts, wire.left = head, round(way / COUNT), frames
@@ -79,10 +68,10 @@ def falsify(wire: Falsified, kind: str, frames: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("frames", [1, 2])
-def test_a_tick_of_it_moves_nothing(kind: str, frames: int) -> None:
+def test_up_to_two_false_feedbacks_move_nothing(kind: str, frames: int) -> None:
     def run(rig: Rig, wire: Falsified) -> None:
         falsify(wire, kind, frames)
-        assert furthest(rig, 1.5) < STILL
+        assert furthest(rig, 1.5).max() < STILL
         assert rig.mode is Mode.HOLDING
 
     holding(run)
@@ -90,12 +79,12 @@ def test_a_tick_of_it_moves_nothing(kind: str, frames: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("frames", [10, 400])
-def test_more_of_it_faults_the_arm_which_goes_on_holding(kind: str, frames: int) -> None:
+def test_ten_false_feedbacks_fault_the_arm_which_goes_on_holding(kind: str, frames: int) -> None:
     def run(rig: Rig, wire: Falsified) -> None:
         falsify(wire, kind, frames)
         # The output bears out a whole turn: p follows then, as fast as the joint may move.
         most = travels(rig.robot.configuration)[JOINT].total if "turn" in kind else STILL
-        assert furthest(rig, 3.0) < most
+        assert furthest(rig, 3.0).max() < most
         assert rig.mode is Mode.FAULTED
         runs_on = "turn" in kind and frames == 400
         assert rig.arm.motors[JOINT].status == (Status.DISABLED if runs_on else Status.ENABLED)

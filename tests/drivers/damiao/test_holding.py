@@ -1,4 +1,4 @@
-"""Motors that hold while the daemon begins, asks, doubts or ends: they go on holding."""
+"""Motors that hold: they go on while the daemon begins, asks, doubts their set-up, or ends."""
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from common.arrays import Vector
 from common.errors import DriveError
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import Go
-from daemon.service.poses import Poses
 from drivers.can.wire import Frame, Wire
-from drivers.damiao.frames import ANSWERS, ENABLE, Register, Status, setpoint_of
+from drivers.damiao.frames import ANSWERS, ENABLE, Register, setpoint_of
+from tests.drivers.motors.one_arm import RAISED, furthest, hold_at, powered
 
-#: Where gravity pulls at every large joint.
-RAISED = {"joint1": -0.9, "joint2": -0.5, "joint4": 0.9}
 STILL = 0.01  # the way of a link that is held [rad]
 
 
@@ -60,32 +56,13 @@ def held() -> Iterator[Held]:
         held.tap = Tap(wire)
         return held.tap
 
-    with lockstep_rig(OPENARM, between=between) as rig:
-        held.rig = rig
-        rig.enable()
-        path = Poses(rig.robot).path(Go(targets=RAISED), rig.samples.link_position)
-        assert not rig.tick.controller.request(Event.START, "the test", rig.time_s, path)
-        rig.run(9.0)
-        assert rig.mode is Mode.HOLDING
+    with lockstep_rig(OPENARM, between=between) as held.rig:
+        hold_at(held.rig, RAISED)
         yield held
 
 
-def furthest(rig: Rig, seconds: float) -> Vector:
-    begun, most = rig.arm.plant.q.copy(), np.zeros(rig.arm.plant.n)
-
-    def each() -> None:
-        np.maximum(most, np.abs(rig.arm.plant.q - begun), out=most)
-
-    rig.run(seconds, each)
-    return most
-
-
-def enabled(rig: Rig) -> list[bool]:
-    return [motor.status == Status.ENABLED for motor in rig.arm.motors]
-
-
 def longest_gaps(tap: Tap, since: float) -> list[float]:
-    """Longest time that each motor heard no setpoint [s]."""
+    """Longest time without a setpoint for each motor [s]."""
     gaps = []
     for motor in range(1, 8):
         at = [t for t, i, data in tap.sent if i == motor and t >= since and setpoint_of(data)]
@@ -99,16 +76,16 @@ def longest_gaps(tap: Tap, since: float) -> list[float]:
 def test_a_daemon_that_takes_up_an_arm_that_holds_does_not_move_it(held: Held) -> None:
     held.rig.take_up(held.rig.robot)
     assert furthest(held.rig, 1.0).max() < STILL
-    assert all(enabled(held.rig))
+    assert all(powered(held.rig))
 
 
-def test_nor_where_the_first_samples_are_lost(held: Held) -> None:
+def test_no_motor_moves_where_the_first_samples_are_lost(held: Held) -> None:
     rig = held.rig
     rig.take_up(rig.robot)
     held.tap.lost = {ANSWERS + 1, ANSWERS + 2, ANSWERS + 4}
     assert furthest(rig, 0.03).max() < STILL
     heard = {i for _, i, data in held.tap.sent if setpoint_of(data)}
-    assert heard.isdisjoint({1, 2, 4})  # no p is known that would hold them
+    assert heard.isdisjoint({1, 2, 4})  # no position is known that would hold them
     held.tap.lost = set()
     assert furthest(rig, 1.0).max() < STILL
 
@@ -125,11 +102,11 @@ def test_a_hold_before_the_first_sample_sends_nothing(held: Held) -> None:
 def test_motors_whose_set_up_is_doubted_go_on_holding(held: Held) -> None:
     held.rig.drives.distrust(range(7))
     assert furthest(held.rig, 2.0).max() < STILL
-    assert all(enabled(held.rig))
+    assert all(powered(held.rig))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -40.0])
-def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, value: float) -> None:
+def test_a_false_value_of_an_output_encoder_is_a_missing_sample(held: Held, value: float) -> None:
     held.tap.output = (ANSWERS + 2, value)
     assert furthest(held.rig, 0.02).max() < STILL
     assert held.rig.samples.fresh.tolist() == [True, False, *[True] * 5]
@@ -139,7 +116,7 @@ def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, va
     assert held.rig.mode is Mode.HOLDING
 
 
-def test_a_motor_that_is_not_heard_is_not_enabled() -> None:
+def test_a_motor_without_an_answer_is_not_enabled() -> None:
     taps: list[Tap] = []
 
     def between(wire: Wire) -> Wire:
@@ -166,7 +143,7 @@ def test_setpoints_reach_all_motors_while_one_stays_silent(held: Held) -> None:
     assert max(longest_gaps(held.tap, begun)) < 0.05  # at 0.1 they let go
 
 
-def test_and_while_the_watch_on_them_ends(held: Held) -> None:
+def test_setpoints_reach_all_motors_while_their_time_outs_are_switched_off(held: Held) -> None:
     rig = held.rig
     rig.arm.motors[0].silent = True
     begun = held.tap.waited_s
@@ -184,4 +161,4 @@ def test_a_minute_off_and_enabled_again(held: Held) -> None:
     assert furthest(rig, 60.0).max() < STILL
     assert rig.ask(Event.ENABLE) == []
     assert furthest(rig, 1.0).max() < STILL
-    assert all(enabled(rig))
+    assert all(powered(rig))

@@ -14,8 +14,7 @@ from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import ANSWERS
 from drivers.plausibility import Plausibility
 from drivers.robstride.frames import Kind, kind_of, sender_of
-from tests.drivers.damiao.test_arm import Filter
-from tests.drivers.damiao.test_false_feedback import furthest
+from tests.drivers.motors.one_arm import Filter, furthest
 
 JOINT = {OPENARM: 3, BEAM: 1}  # which bears a load
 LOAD = {OPENARM: 0.0, BEAM: 4.0}  # [Nm]
@@ -72,12 +71,12 @@ def held(request: pytest.FixtureRequest) -> Iterator[tuple[Rig, Falsified, int]]
 
 @pytest.mark.parametrize("velocity", [2.0, -6.0])
 @pytest.mark.parametrize("frames", [2, 60, 400])
-def test_no_power_is_cut_and_nothing_moves(
+def test_a_false_velocity_cuts_no_power_and_moves_nothing(
     held: tuple[Rig, Falsified, int], velocity: float, frames: int
 ) -> None:
     rig, wire, joint = held
     wire.velocity, wire.left = velocity, frames
-    assert furthest(rig, 3.0) < STILL
+    assert furthest(rig, 3.0).max() < STILL
     # A motor whose velocity is its link's too shows an implausible residual in the first frames.
     at_once = wire.arm == BEAM and velocity < -2.0
     assert rig.mode is (Mode.HOLDING if frames == 2 and not at_once else Mode.FAULTED)
@@ -86,13 +85,13 @@ def test_no_power_is_cut_and_nothing_moves(
 
 @pytest.mark.parametrize("held", [BEAM], ids=["robstride"], indirect=True)
 @pytest.mark.parametrize("frames", [2, 10, 400])
-def test_a_place_that_no_output_bears_out_moves_a_joint_little(
+def test_a_false_position_that_the_output_contradicts_moves_a_joint_little(
     held: tuple[Rig, Falsified, int], frames: int
 ) -> None:
     rig, wire, joint = held
     # It fits the first step there, and not that the motor stays.
     wire.velocity, wire.way, wire.left = WAY / 0.01, WAY, frames
-    assert furthest(rig, 3.0) < 0.03 < WAY
+    assert furthest(rig, 3.0).max() < 0.03 < WAY
     assert rig.mode is Mode.FAULTED
     assert rig.samples.drives[joint].condition is DriveCondition.STOPPED
 

@@ -1,56 +1,29 @@
-"""RobStride motors of one arm in the whole program, against simulated ones that fail. What all
-makes share is tried further in tests/drivers/damiao."""
+"""RobStride motors of one arm in the whole program, against simulated ones that fail; further tests
+of every make are in tests/drivers/motors."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from bench.rigs.guardian_at_bus import GuardianAtBus
-from bench.rigs.lockstep import BEAM, Rig, lockstep_rig
-from common.errors import DriveError, SilentDriveError
-from daemon.faults.conditions import Condition
+from common.errors import DriveError
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Wire
-from drivers.motors.guardian import Activity
-from drivers.robstride.frames import Kind, Parameter, identifier, kind_of, setpoint_id
+from drivers.robstride.frames import Kind, kind_of
 from simulator.robstride import motor as m
-from tests.drivers.damiao.test_arm import Broken, Filter, cause, stands
+from tests.drivers.motors.one_arm import ROBSTRIDE, Filtered, Make, cause, furthest, powered
 
-JOINT = 1
+JOINT = ROBSTRIDE.joint
 LOAD = 3.0  # [Nm]
-T = 0.01
-
-
-def broken(configure=lambda c: c) -> Iterator[Broken]:
-    arm = Broken()
-
-    def between(wire: Wire) -> Filter:
-        arm.filter = Filter(wire)
-        return arm.filter
-
-    with lockstep_rig(BEAM, between=between, configure=configure) as arm.rig:
-        yield arm
 
 
 @pytest.fixture
-def arm() -> Iterator[Broken]:
-    yield from broken()
+def make() -> Make:
+    return ROBSTRIDE
 
 
 @pytest.fixture
-def moving(arm: Broken) -> Broken:
-    arm.rig.enable()
-    arm.rig.request(Event.START)
-    arm.rig.run(1.5)
-    assert arm.rig.mode is Mode.TRACKING
-    assert np.abs(arm.rig.samples.motor_velocity).max() > 0.1
-    return arm
-
-
-@pytest.fixture
-def loaded(arm: Broken) -> Broken:
+def loaded(arm: Filtered) -> Filtered:
     """One that holds against a load."""
     rig = arm.rig
     rig.enable()
@@ -59,21 +32,6 @@ def loaded(arm: Broken) -> Broken:
     rig.run(1.0)
     assert rig.mode is Mode.HOLDING
     return arm
-
-
-def running(rig: Rig) -> list[bool]:
-    return [motor.mode == m.RUN for motor in rig.arm.motors]
-
-
-def without_the_daemon(rig: Rig, seconds: float) -> float:
-    """Let so much time pass without it; the furthest that a link went [rad]."""
-    begun, furthest = rig.arm.plant.q.copy(), 0.0
-    for _ in range(round(seconds / T)):
-        rig.arm.advance(rig.arm.now + T)
-        rig.guard()
-        rig.lockstep.pump()
-        furthest = max(furthest, float(np.abs(rig.arm.plant.q - begun).max()))
-    return furthest
 
 
 # --- set-up ---------------------------------------------------------------------------------------
@@ -105,23 +63,17 @@ def in_another_mode(motor: m.RobStrideMotor) -> None:
         (in_another_mode, "another mode"),
     ],
 )
-def test_a_motor_that_is_not_as_configured_is_refused(arm: Broken, made, says: str) -> None:
+def test_a_motor_that_is_not_as_configured_is_refused(arm: Filtered, made, says: str) -> None:
     made(arm.rig.arm.motors[4])
     with arm.rig.lockstep.serving(), pytest.raises(DriveError, match=says):
         arm.rig.drives.boot_up(lambda line: None)
 
 
-def test_a_silent_motor_is_named(arm: Broken) -> None:
-    arm.rig.arm.motors[4].silent = True
-    with arm.rig.lockstep.serving(), pytest.raises(SilentDriveError, match="joint5"):
-        arm.rig.drives.boot_up(lambda line: None)
-
-
-def test_every_motor_has_a_number_of_its_own(arm: Broken) -> None:
+def test_every_motor_has_a_number_of_its_own(arm: Filtered) -> None:
     assert len(set(arm.rig.drives.serials)) == 6
 
 
-def test_what_a_restart_took_is_set_up_again_before_the_arm_is_enabled(arm: Broken) -> None:
+def test_a_restarted_motor_is_set_up_again_before_the_arm_is_enabled(arm: Filtered) -> None:
     rig = arm.rig
     rig.run(0.1)
     motor = rig.arm.motors[JOINT]
@@ -138,7 +90,7 @@ def test_what_a_restart_took_is_set_up_again_before_the_arm_is_enabled(arm: Brok
 # --- in order -------------------------------------------------------------------------------------
 
 
-def test_a_tick_is_a_setpoint_for_each_motor(moving: Broken) -> None:
+def test_each_tick_sends_one_setpoint_to_each_motor(moving: Filtered) -> None:
     requests: list[int] = []
     send = moving.filter.wire.send
 
@@ -153,32 +105,19 @@ def test_a_tick_is_a_setpoint_for_each_motor(moving: Broken) -> None:
 
 
 @pytest.mark.parametrize("keeps", [False, True])
-def test_motors_that_are_enabled_do_not_jump(arm: Broken, keeps: bool) -> None:
+def test_motors_that_are_enabled_do_not_jump(arm: Filtered, keeps: bool) -> None:
     rig = arm.rig
     rig.run(0.5)
     for motor in rig.arm.motors:
         motor.keeps = keeps
-    before, furthest = rig.arm.plant.q.copy(), [0.0]
+    begun = rig.arm.plant.q.copy()
     rig.enable()
-
-    def each() -> None:
-        furthest[0] = max(furthest[0], float(np.abs(rig.arm.plant.q - before).max()))
-
-    rig.run(2.0, each)
-    assert furthest[0] < 0.003
-    assert all(running(rig))
+    assert np.abs(rig.arm.plant.q - begun).max() < 0.003
+    assert furthest(rig, 2.0).max() < 0.003
+    assert all(powered(rig))
 
 
-def test_a_stop_is_a_ramp_that_is_proved(moving: Broken) -> None:
-    rig = moving.rig
-    rig.request(Event.STOP)
-    rig.run(1.0)
-    assert rig.mode is Mode.HOLDING
-    assert stands(rig)
-    assert rig.drives.unproved() == ()
-
-
-def test_a_hand_is_felt_and_yielded_to(moving: Broken) -> None:
+def test_a_push_is_detected_and_yielded_to(moving: Filtered) -> None:
     rig = moving.rig
     assert rig.permit() == []
     rig.arm.external_torque[JOINT] = 4.0
@@ -190,56 +129,6 @@ def test_a_hand_is_felt_and_yielded_to(moving: Broken) -> None:
 
 
 # --- what fails -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("fault", [m.UNDER_VOLTAGE, m.OVERLOAD])
-def test_a_motor_in_fault_stops_the_arm_until_a_reset(moving: Broken, fault: int) -> None:
-    rig = moving.rig
-    rig.arm.motors[5].fail(fault)
-    rig.run(1.0)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.EMERGENCY)
-    assert rig.arm.motors[5].faults == fault  # nothing is cleared by itself
-    assert rig.ask(Event.ENABLE)
-    rig.reset()
-    rig.enable()
-    assert all(running(rig))
-
-
-def test_a_motor_that_falls_silent_stops_the_arm_and_is_commanded_on(moving: Broken) -> None:
-    rig = moving.rig
-    rig.arm.motors[0].silent = True
-    rig.run(1.0)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.STALE)
-    assert "joint1" in cause(rig)
-    assert all(running(rig)[1:])
-    assert setpoint_id(1) in [can_id for can_id, _ in moving.filter.sent]  # it may hear
-    rig.arm.motors[0].silent = False
-    rig.run(1.0)
-    rig.reset()
-    rig.enable()
-
-
-def test_a_motor_that_restarts_in_motion_stops_the_arm(moving: Broken) -> None:
-    rig = moving.rig
-    rig.arm.motors[JOINT].boot()
-    rig.run(0.5)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.REBOOTED)
-    assert not running(rig)[JOINT]  # it is not enabled unset
-    rig.run(1.5)
-    rig.reset()
-    rig.enable()
-
-
-#: 6 is a new zero, 7 a new id, 22 keeps parameters, 25 is another protocol.
-@pytest.mark.parametrize("kind", [Kind.SETPOINT, Kind.ENABLE, Kind.STOP, Kind.WRITE, 6, 7, 22, 25])
-def test_another_master_stops_the_arm(moving: Broken, kind: int) -> None:
-    moving.filter.more.append((identifier(kind, 0xAA, 1 + JOINT), bytes(8)))
-    moving.rig.run(0.2)
-    assert moving.rig.mode is Mode.FAULTED
-    assert cause(moving.rig).startswith(Condition.FOREIGN_MASTER)
 
 
 class Falsified:
@@ -263,73 +152,25 @@ class Falsified:
     ("way", "frames"),
     [(6.2832, 1), (6.2832, 2), (3.0, 10), (3.0, 400), (0.25, 1), (0.25, 10), (0.25, 400)],
 )
-def test_a_false_feedback_moves_nothing(loaded: Broken, way: float, frames: int) -> None:
+def test_a_false_feedback_moves_nothing(loaded: Filtered, way: float, frames: int) -> None:
     rig = loaded.rig
     false = Falsified(loaded.filter.wire)
     loaded.filter.wire = false
     false.left, false.way = frames, way
-    begun, furthest = rig.arm.plant.q.copy(), [0.0]
-
-    def each() -> None:
-        furthest[0] = max(furthest[0], float(np.abs(rig.arm.plant.q - begun).max()))
-
-    rig.run(3.0, each)
-    assert furthest[0] < 0.003
-    assert all(running(rig))
+    begun = rig.arm.plant.q.copy()
+    assert furthest(rig, 3.0).max() < 0.003
+    assert all(powered(rig))
     assert rig.mode is (Mode.HOLDING if frames == 1 else Mode.FAULTED)
     assert (JOINT in rig.drives.unfit()) is (frames > 1)  # what it has to hold is found anew
     if frames < 400 and rig.mode is Mode.FAULTED:
         rig.run(1.0)
         rig.reset()
         rig.enable()
-        rig.run(1.0, each)
-        assert furthest[0] < 0.03
+        way = np.abs(rig.arm.plant.q - begun) + furthest(rig, 1.0)
+        assert way.max() < 0.03
 
 
-# --- the guardian ---------------------------------------------------------------------------------
-
-
-def test_a_daemon_that_dies_leaves_an_arm_that_holds(loaded: Broken) -> None:
-    rig = loaded.rig
-    assert without_the_daemon(rig, 5.0) < 0.01
-    assert all(running(rig))
-    assert isinstance(rig.guard, GuardianAtBus)
-    assert rig.guard.guardian.activity is Activity.HOLDS
-
-
-def test_without_a_guardian_the_arm_falls(loaded: Broken) -> None:
-    rig = loaded.rig
-    assert isinstance(rig.guard, GuardianAtBus)
-    rig.guard.killed = True
-    assert without_the_daemon(rig, 2.0) > 0.2
-    assert not any(running(rig))
-
-
-def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(loaded: Broken) -> None:
-    rig = loaded.rig
-    without_the_daemon(rig, 0.5)
-    begun = rig.arm.plant.q.copy()
-    rig.ticks += round(0.5 / T)
-    rig.run(1.0)
-    assert rig.mode is Mode.FAULTED
-    assert cause(rig).startswith(Condition.ABSENT)
-    assert np.abs(rig.arm.plant.q - begun).max() < 0.02
-    assert all(running(rig))
-
-
-@pytest.mark.parametrize("left", [False, True])
-def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
-    loaded: Broken, left: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rig = loaded.rig
-    monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
-    if left:
-        with rig.lockstep.serving():
-            rig.drives.disable_monitoring()
-        assert {motor.parameters[Parameter.TIMEOUT] for motor in rig.arm.motors} == {0}
-    without_the_daemon(rig, 0.9)
-    assert (without_the_daemon(rig, 4.0) > 0.1) is not left
-    assert all(running(rig))
+# --- the end --------------------------------------------------------------------------------------
 
 
 class Lossy(dict[int, float]):
@@ -344,7 +185,7 @@ class Lossy(dict[int, float]):
             super().__setitem__(parameter, value)
 
 
-def test_a_lost_frame_leaves_no_motor_that_lets_go_after_the_end(arm: Broken) -> None:
+def test_a_lost_frame_leaves_no_motor_with_a_time_out(arm: Filtered) -> None:
     rig = arm.rig
     for motor in rig.arm.motors:
         motor.parameters = Lossy(motor.parameters)
@@ -363,8 +204,8 @@ class Stubborn(dict[int, float]):
 
 
 @pytest.mark.parametrize("model", ["says it", "says 0", "has no answer"])
-def test_a_time_out_that_stays_is_named_where_the_model_says_it(
-    arm: Broken, monkeypatch: pytest.MonkeyPatch, model: str
+def test_a_time_out_that_stays_is_named_where_it_can_be_read(
+    arm: Filtered, monkeypatch: pytest.MonkeyPatch, model: str
 ) -> None:
     rig = arm.rig
     rig.enable()

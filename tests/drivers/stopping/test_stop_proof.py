@@ -1,15 +1,16 @@
-"""Proof of a stop: which readings say that a drive stands, and which that it runs on."""
+"""Proof of a stop: readings that show that a drive stands, and those that it runs on."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.api import DriveCondition
-from drivers.stopping.stop_watch import OBEYING, Stage, StopReading, StopWatch
+from drivers.stopping.stop_watch import OBEYING, Stage, StopBounds, StopReading, StopWatch
 from tests.drivers.stopping.one_watch import (
     BOUNDS,
     LIMP,
@@ -23,8 +24,30 @@ from tests.drivers.stopping.one_watch import (
 )
 from tests.examples import scaled
 
+Speed = Callable[[float], float]
 STANDS = StopReading(STOPS, 0.0, 0.0, 0.0)
 CREEPS_ON = StopReading(ON, 0.1, 0.0, 0.0)
+
+
+HERTZ, STAGES = (1.5, 2.0, 3.0, 5.0), (Stage.SETPOINT, Stage.DIRECT, Stage.LAST)
+
+
+def proved(bounds: StopBounds = BOUNDS) -> StopWatch:
+    """Watch on a drive whose standstill is proved, in its first two ticks."""
+    watch = commanded(bounds=bounds)
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    assert watch.proved
+    return watch
+
+
+def path(ticks: range, velocity_at: Speed) -> Iterator[tuple[int, float, float]]:
+    """Tick, velocity, and position of a drive that begins at 0."""
+    position = 0.0
+    for k in ticks:
+        velocity = velocity_at(k * T)
+        position += velocity * T
+        yield k, velocity, position
 
 
 def hardly_brakes(t: float) -> float:
@@ -33,7 +56,7 @@ def hardly_brakes(t: float) -> float:
 
 
 @pytest.mark.parametrize("state", [one for one in DriveCondition if not one.powered])
-def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> None:
+def test_without_power_two_readings_at_rest_prove_a_stop(state: DriveCondition) -> None:
     watch = commanded()
     for k in (1, 2):
         assert watch.unproved
@@ -49,7 +72,7 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> No
         (StopReading(STOPS, -0.019, 0.0, 0.0), True),
         (StopReading(STOPS, 0.02, 0.0, 0.0), True),  # a bias: its link has rested for long
         (StopReading(STOPS, 0.1, 0.0, 0.0), False),
-        (StopReading(STOPS, 0.0), False),  # no second witness
+        (StopReading(STOPS, 0.0), False),  # no second sensor
         (StopReading(STOPS, math.nan, 0.0, 0.0), False),
         (StopReading(LIMP, 1.2, 0.0, 0.0), False),
         (StopReading(LIMP, math.nan, 0.0, 0.0), False),
@@ -59,7 +82,9 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> No
         (None, False),
     ],
 )
-def test_what_proves_that_it_stands(seen: StopReading | None, proved: bool) -> None:
+def test_two_readings_that_prove_a_stop_and_those_that_do_not(
+    seen: StopReading | None, proved: bool
+) -> None:
     watch = commanded()
     watch.step(T, seen)
     assert not watch.proved, "once is noise"
@@ -85,7 +110,7 @@ def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.03, 0.5])
-def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
+def test_a_drive_that_creeps_or_runs_is_not_proved(speed: float) -> None:
     watch = commanded(speed)
     for k in range(1, 200):
         watch.step(k * T, StopReading(STOPS, speed, 0.0, position=speed * k * T))
@@ -105,26 +130,24 @@ def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
         (lambda t: 1.3 * 0.95 ** (t / T), 0.0, False),  # knocked, it slows down by itself
     ],
 )
-def test_a_drive_that_says_so_and_runs_on_is_reported(
-    velocity_at: Callable[[float], float], current: float, runs_on: bool
+def test_a_drive_that_reports_a_stop_and_runs_on_loses_its_power(
+    velocity_at: Speed, current: float, runs_on: bool
 ) -> None:
     found = Course(velocity_at, current, ticks=60)
     assert bool(found.runs_on) is runs_on
     assert found.watch.cut is runs_on, "0.59 rad, of 0.24"
-    assert found.begun == [], (
-        "a stronger stage asks nothing else of it, and costs the others their master"
-    )
+    assert found.begun == [], "a stronger stage would end the heartbeat of the other drives, too"
 
 
 @pytest.mark.parametrize(("deceleration", "runs_on"), [(1.1, False), (0.9, True)])
-def test_half_of_its_ramp_will_do(deceleration: float, runs_on: bool) -> None:
+def test_half_of_the_configured_deceleration_suffices(deceleration: float, runs_on: bool) -> None:
     bounds = replace(BOUNDS, deceleration=2.0, travel=1.0)
     found = Course(lambda t: max(1.0 - deceleration * t, 0.05), bounds=bounds)
     assert bool(found.runs_on) is runs_on
 
 
 @pytest.mark.parametrize("velocity_at", [hardly_brakes, lambda t: 1.0])
-def test_twenty_readings_say_that_it_runs_on(velocity_at: Callable[[float], float]) -> None:
+def test_a_drive_runs_on_after_twenty_readings(velocity_at: Speed) -> None:
     """From its fourth: the first is where it left operation, and it may take 20 ms to brake."""
     assert Course(velocity_at).runs_on[0] == 4 + 20 - 1
 
@@ -134,7 +157,7 @@ def test_twenty_readings_say_that_it_runs_on(velocity_at: Callable[[float], floa
     [(hardly_brakes, 4), (lambda t: math.nan, 1)],  # one that was not read is never a calm one
 )
 def test_readings_from_before_it_was_in_operation_again_do_not_count(
-    velocity_at: Callable[[float], float], first: int
+    velocity_at: Speed, first: int
 ) -> None:
     watch = commanded(1.0)
     for k in range(1, 50):
@@ -144,7 +167,7 @@ def test_readings_from_before_it_was_in_operation_again_do_not_count(
 
 
 @pytest.mark.parametrize(("start", "velocity"), [(0.0, 1.02), (0.7, 1.02), (0.7, -1.02)])
-def test_a_drive_that_says_so_keeps_its_power_within_its_travel(
+def test_a_drive_that_runs_on_keeps_its_power_within_its_travel(
     start: float, velocity: float
 ) -> None:
     found = Course(lambda t: velocity, start=start)
@@ -152,7 +175,7 @@ def test_a_drive_that_says_so_keeps_its_power_within_its_travel(
     assert found.begun == []
 
 
-def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() -> None:
+def test_a_cut_lasts_until_the_drive_may_run() -> None:
     watch = Course(lambda t: 1.0).watch
     assert watch.cut
     for k in range(100, 130):
@@ -163,36 +186,34 @@ def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() ->
     assert not watch.cut
 
 
-def test_a_hand_may_lead_a_drive_without_power_as_far_as_it_likes() -> None:
-    found = Course(lambda t: 0.5, condition=LIMP)
-    assert (found.runs_on, found.cut, found.begun) == ([], [], [])
-
-
-@pytest.mark.parametrize("hertz", [1.5, 2.0, 3.0, 5.0])
-def test_a_hand_that_works_at_a_joint_that_stops_leads_to_nothing(hertz: float) -> None:
-    found = Course(lambda t: 0.9 * math.cos(2 * math.pi * hertz * t), ticks=300)
+@pytest.mark.parametrize(
+    ("velocity_at", "options"),
+    [
+        *((lambda t, f=f: 0.9 * math.cos(2 * math.pi * f * t), {"ticks": 300}) for f in HERTZ),
+        *((lambda t: 1.0, {"current": -1.1, "stage": stage}) for stage in STAGES),
+        (lambda t: 0.5, {"condition": LIMP}),
+    ],
+    ids=[*(f"works at {f} Hz" for f in HERTZ), *(f"pushes in {s.name}" for s in STAGES), "leads"],
+)
+def test_a_hand_that_moves_a_stopped_drive_leads_to_no_stronger_stage(
+    velocity_at: Speed, options: dict[str, Any]
+) -> None:
+    """Beyond its travel of 0.24 rad under power, and without power as far as the hand goes."""
+    found = Course(velocity_at, **options)
     assert (found.begun, found.cut) == ([], [])
-    assert not found.watch.proved
+    assert "ticks" not in options or not found.watch.proved
+    assert "condition" not in options or found.runs_on == []
 
 
-@pytest.mark.parametrize("stage", [Stage.SETPOINT, Stage.DIRECT, Stage.LAST])
-def test_who_is_stronger_than_a_drive_that_obeys_leads_to_no_stronger_stage(stage: Stage) -> None:
-    found = Course(lambda t: 1.0, current=-1.1, stage=stage)
-    assert (found.begun, found.cut) == ([], []), "1 rad, of 0.24"
-
-
-def test_a_link_that_swings_in_its_gap_has_a_second() -> None:
+def test_a_link_that_swings_in_its_gap_runs_on_after_a_second() -> None:
     """After 0.18 s, in which half of its ramp would have stopped the 0.9 rad/s it was seen with."""
     found = Course(lambda t: max(1.0 - 10.0 * t, 0.06), ticks=200)
     braked = 1 + 2 + 18  # ticks: seen, its lag, its ramp
     assert found.runs_on[0] == braked + 100 + 20 - 1
 
 
-def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> None:
-    watch = commanded()
-    for k in (1, 2):
-        watch.step(k * T, STANDS)
-    assert watch.proved
+def test_a_proof_ends_when_the_drive_runs_on_by_itself() -> None:
+    watch = proved()
     for k in range(200):
         watch.step(2.0 + k * T, StopReading(STOPS, 0.3, 0.1, 0.3 * k * T))
     assert watch.runs_on
@@ -208,15 +229,11 @@ def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> No
     ],
 )
 def test_no_proof_outlives_a_motion_that_any_sensor_shows(
-    velocity_at: Callable[[float], float], seen_at: Callable[[float], float] | None, about: str
+    velocity_at: Speed, seen_at: Speed | None, about: str
 ) -> None:
-    watch, position, held = commanded(), 0.0, 0
-    for k in (1, 2):
-        watch.step(k * T, STANDS)
-    for k in range(3, 303):
-        velocity = velocity_at(k * T)
-        position += velocity * T
-        shown = (seen_at or velocity_at)(k * T)
+    watch, held = proved(), 0
+    for k, velocity, position in path(range(3, 303), velocity_at):
+        shown = seen_at(k * T) if seen_at else velocity
         watch.step(k * T, StopReading(STOPS, shown, 0.0, position))
         held += watch.proved
     assert held <= 45, about
@@ -224,10 +241,8 @@ def test_no_proof_outlives_a_motion_that_any_sensor_shows(
 
 def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
     """A hand that works at a joint as fast does not: see above."""
-    watch, position = commanded(0.6), 0.0
-    for k in range(1, 100):
-        velocity = 0.6 * math.sin(6.0 * math.pi * k * T)
-        position += velocity * T
+    watch = commanded(0.6)
+    for k, velocity, position in path(range(1, 100), lambda t: 0.6 * math.sin(6.0 * math.pi * t)):
         drives = 0.3 if k % 5 else -0.3  # it brakes at times
         watch.step(k * T, StopReading(STOPS, velocity, math.copysign(drives, velocity), position))
     assert watch.cut
@@ -235,17 +250,10 @@ def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
 
 def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
     """8 Hz within its gap, at its highest current in each turn, which is half of the readings."""
-    bounds = replace(BOUNDS, play=0.05)
-    watch, position = commanded(bounds=bounds), 0.0
-    for k in (1, 2):
-        watch.step(k * T, STANDS)
-    for k in range(3, 200):
-        phase = 16.0 * math.pi * k * T
-        velocity = 0.6 * math.sin(phase)
-        position += velocity * T
-        watch.step(
-            k * T, StopReading(STOPS, velocity, 2.0 * math.copysign(1.0, math.cos(phase)), position)
-        )
+    watch = proved(replace(BOUNDS, play=0.05))
+    for k, velocity, position in path(range(3, 200), lambda t: 0.6 * math.sin(16.0 * math.pi * t)):
+        current = math.copysign(2.0, math.cos(16.0 * math.pi * k * T))
+        watch.step(k * T, StopReading(STOPS, velocity, current, position))
     assert not watch.proved
 
 
@@ -253,17 +261,16 @@ def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
 def test_a_drive_that_slips_and_sticks_by_its_own_power_loses_it(
     speed: float, slips_s: float, every_s: float
 ) -> None:
-    watch, position, gone = commanded(), 0.0, 0.0
-    for k in range(1, 2000):
-        velocity = speed if (k * T) % every_s < slips_s else 0.0
-        position += velocity * T
+    watch, gone = commanded(), 0.0
+    slips = path(range(1, 2000), lambda t: speed if t % every_s < slips_s else 0.0)
+    for k, velocity, position in slips:
         watch.step(k * T, StopReading(STOPS, velocity, 0.4 if velocity else 0.1, position))
         gone = position if not watch.cut else gone
     assert watch.cut
     assert gone < 0.24 + 0.1 * speed
 
 
-def test_a_ripple_hides_nothing() -> None:
+def test_a_ripple_does_not_hide_a_drive_that_runs_on() -> None:
     found = Course(lambda t: 0.6 * (1.0 + 0.1 * math.sin(16.0 * math.pi * t)))
     assert found.runs_on
     assert found.cut[0] * T * 0.6 < 0.24 + 0.05
@@ -280,10 +287,8 @@ def test_a_sudden_stop_is_one_only_if_a_sensor_changes_after_it(alive: bool, pro
     assert watch.proved is proved
 
 
-def test_what_was_proved_is_void_when_it_runs_again() -> None:
-    watch = commanded()
-    for k in (1, 2):
-        watch.step(k * T, STANDS)
+def test_a_proof_is_void_when_the_drive_runs_again() -> None:
+    watch = proved()
     for k in range(3, 30):
         assert watch.step(k * T, None) is None, "its silence is no news"
     assert watch.proved
@@ -306,9 +311,7 @@ def test_a_proof_under_power_is_as_old_as_its_last_reading(last: StopReading, pr
 
 
 def test_a_motion_under_power_is_seen_before_the_proof_is_void() -> None:
-    watch = commanded()
-    for k in (1, 2):
-        watch.step(k * T, STANDS)
+    watch = proved()
     watch.step(0.03, StopReading(STOPS, 0.5, 0.1, 0.005))
     assert watch.moves
     watch.step(0.04, STANDS)
@@ -316,7 +319,7 @@ def test_a_motion_under_power_is_seen_before_the_proof_is_void() -> None:
     assert not watch.moves
 
 
-def test_what_was_proved_begins_with_nothing_against_it() -> None:
+def test_a_proof_forgets_earlier_readings_in_operation() -> None:
     watch = commanded()
     for k in (1, 2):
         watch.step(k * T, CREEPS_ON)
@@ -327,7 +330,7 @@ def test_what_was_proved_begins_with_nothing_against_it() -> None:
     assert min(begun) == 5 + 2, "three ticks, the first of which says so"
 
 
-def test_it_is_free_again_when_it_may_run() -> None:
+def test_a_watch_ends_when_the_drive_may_run() -> None:
     watch = commanded(stage=Stage.LAST)
     watch.allow()
     assert (watch.stage, watch.unproved, watch.proved) == (Stage.NONE, False, False)
@@ -335,7 +338,7 @@ def test_it_is_free_again_when_it_may_run() -> None:
 
 @settings(max_examples=scaled(200))
 @given(ticks=st.lists(st.tuples(readings(DriveCondition), st.floats(0.001, 3.0)), max_size=40))
-def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
+def test_only_a_reading_proves_a_stop_and_no_stage_gets_weaker(
     ticks: list[tuple[StopReading | None, float]],
 ) -> None:
     watch, now = commanded(), 0.0

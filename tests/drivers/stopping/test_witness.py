@@ -1,4 +1,4 @@
-"""Witness of a standstill: two sensors that agree, and none that repeats itself."""
+"""Detection of a standstill: two sensors that agree, and none that repeats its reading."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -71,7 +71,7 @@ def frozen(k: int) -> float:
 
 @pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("motor", [None, none])
-def test_it_stands_when_its_velocity_came_down_and_its_positions_rest(noise, motor) -> None:
+def test_a_drive_stands_when_its_velocity_came_down_and_its_positions_rest(noise, motor) -> None:
     assert first_stands(Sensors(noise=noise, motor=motor)) == 10
 
 
@@ -95,11 +95,11 @@ def test_it_stands_when_its_velocity_came_down_and_its_positions_rest(noise, mot
         (Sensors(0.5, velocity=lambda k: 0.5 if k < 2 else 0.0, motor=none), "and no motor's"),
     ],
 )
-def test_it_does_not_stand(sensors: Sensors, about: str) -> None:
+def test_sensors_that_disagree_or_repeat_prove_no_standstill(sensors: Sensors, about: str) -> None:
     assert first_stands(sensors) is None, about
 
 
-def test_one_dead_sensor_does_not_hide_a_stand() -> None:
+def test_a_standstill_is_proved_beside_one_dead_sensor() -> None:
     assert first_stands(Sensors(link=frozen)) == 10
     by_positions = first_stands(Sensors(velocity=dead))
     assert by_positions is not None
@@ -107,7 +107,7 @@ def test_one_dead_sensor_does_not_hide_a_stand() -> None:
     assert first_stands(Sensors(velocity=lambda k: Sensors().speed(k) + 0.05)) is not None, "a bias"
 
 
-def test_what_is_held_still_and_was_commanded_to_move_rests_with_a_position_that_changed() -> None:
+def test_a_drive_held_still_stands_when_its_position_changed() -> None:
     held = Sensors(velocity=dead, motor=none)
     held.link = lambda k: 1e-5 * (k % 2)  # type: ignore[method-assign]
     assert first_stands(held) is not None
@@ -150,7 +150,7 @@ def test_a_motor_may_stick_before_its_slow_setpoints_end(
 def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
     seen, burst, rest, velocity, every
 ) -> None:
-    """It runs on: neither sensor shows that, and its drive heeds no setpoint of 0."""
+    """It runs on: neither sensor shows that, and its drive ignores a setpoint of 0."""
     witness, k = Witness(), 0
     for k in [*range(50), *range(50, 100 + rest + burst, every)]:
         moves = 50 - seen <= k < 50 or 50 + rest <= k < 50 + rest + burst
@@ -162,7 +162,7 @@ def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
 
 
 @pytest.mark.parametrize(("left", "stands"), [(18, True), (5, True), (0, False)])
-def test_it_may_stick_in_a_motion_too_slow_for_its_velocity(left: int, stands: bool) -> None:
+def test_a_motor_may_stick_in_a_motion_too_slow_for_its_velocity(left: int, stands: bool) -> None:
     """It coasted before, and went on by half a milliradian a tick for so many ticks, then stuck."""
     witness, link, k = Witness(), 0.0, 0
     for k in range(200):
@@ -174,7 +174,7 @@ def test_it_may_stick_in_a_motion_too_slow_for_its_velocity(left: int, stands: b
 
 
 @pytest.mark.parametrize(("pause", "stands"), [(27, True), (60, False)])
-def test_it_may_stick_after_a_short_pause_of_its_setpoints(pause: int, stands: bool) -> None:
+def test_a_motor_may_stick_after_a_short_pause_of_its_setpoints(pause: int, stands: bool) -> None:
     witness, k = Witness(), 0
     for k in range(120 + pause):
         speed = 0.05 if k < 50 else 0.0
@@ -195,7 +195,7 @@ def test_a_drive_that_stood_all_along_needs_no_more_than_a_rest(history_s: float
 
 
 @pytest.mark.parametrize(("commanded", "velocity"), [(STANDS, 0.0), (0.0, MOVES), (-0.5, 0.0)])
-def test_what_repeats_while_it_moves_or_was_commanded_to(commanded: float, velocity: float) -> None:
+def test_readings_that_repeat_in_motion_are_reported(commanded: float, velocity: float) -> None:
     witness, found = Witness(), []
     for k in range(30):
         witness.command(k * T, commanded)
@@ -207,7 +207,7 @@ def test_what_repeats_while_it_moves_or_was_commanded_to(commanded: float, veloc
     assert not witness.repeats, "any bit of any of them"
 
 
-def test_what_stood_for_long_has_as_many_readings_to_begin_to_move() -> None:
+def test_a_drive_at_rest_has_as_many_readings_to_begin_to_move() -> None:
     witness = Witness()
     for k in range(50):
         witness.take(k * T, 0.0, 0.1, 0.2, 0.3)
@@ -218,7 +218,7 @@ def test_what_stood_for_long_has_as_many_readings_to_begin_to_move() -> None:
     assert witness.repeats
 
 
-def test_what_stands_may_repeat() -> None:
+def test_readings_of_a_drive_that_stands_may_repeat() -> None:
     witness = Witness()
     for k in range(30):
         witness.command(k * T, 0.9 * STANDS)
@@ -226,7 +226,7 @@ def test_what_stands_may_repeat() -> None:
         assert not witness.repeats
 
 
-def test_samples_that_are_none_change_nothing() -> None:
+def test_missing_samples_change_nothing() -> None:
     witness = Witness()
     witness.take(0.0, 0.0, 0.1, 0.2, 0.3)
     for k in range(1, 30):

@@ -133,17 +133,17 @@ def test_the_hand_waits_for_the_first_commanded_motion() -> None:
     arm = SimulatedArm(one.arm.description, one.arm.settings, lambda _: None, hand_script=[push])
     arm.power_on()
 
-    def tell(cob_id: int, data: bytes) -> None:
+    def send(cob_id: int, data: bytes) -> None:
         arm.receive(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
         arm.advance(arm.now + 0.01)
 
-    tell(0x7FF, bytes([CAN_ID, 0, 0x55, 10, 3, 0, 0, 0]))
-    tell(CAN_ID, ENABLE)
+    send(0x7FF, bytes([CAN_ID, 0, 0x55, 10, 3, 0, 0, 0]))
+    send(CAN_ID, ENABLE)
     for _ in range(20):
-        tell(0x200 + CAN_ID, bytes(4))
+        send(0x200 + CAN_ID, bytes(4))
         assert not arm.tau_ext.any()
     pushed = []
     for _ in range(20):
-        tell(0x200 + CAN_ID, struct.pack("<f", 0.3))
+        send(0x200 + CAN_ID, struct.pack("<f", 0.3))
         pushed.append(float(arm.tau_ext[0]))
     assert np.max(pushed) == pytest.approx(1.0)

@@ -34,7 +34,7 @@ def status(one: One) -> int:
     return one.ask(0x7FF, REFRESH)[0] >> 4
 
 
-def test_it_says_nothing_by_itself(one: One) -> None:
+def test_a_motor_sends_nothing_by_itself(one: One) -> None:
     one.enable(3)
     one.frames.clear()
     one.run(0.5)
@@ -56,7 +56,7 @@ def test_special_frames_are_for_the_low_byte(one: One, offset) -> None:
         ([ENABLE, CLEAR], 0), ([0x8, 0x9], 0x9),
     ],
 )  # fmt: skip
-def test_power_and_errors(one: One, events, after) -> None:
+def test_commands_and_errors_decide_the_status(one: One, events, after) -> None:
     for event in events:
         if isinstance(event, int):
             one.motor.fail(event)
@@ -67,7 +67,7 @@ def test_power_and_errors(one: One, events, after) -> None:
     assert (one.arm.servo.current[0] != 0.0) == (after == 1 and one.gravity != 0.0)
 
 
-def test_trouble_comes_again_until_it_is_over(one: One) -> None:
+def test_an_error_returns_until_its_cause_is_over(one: One) -> None:
     one.motor.trouble = m.OVERLOAD
     one.enable(3)
     one.arm.advance(one.arm.now + 0.002)
@@ -130,7 +130,7 @@ def test_without_a_time_out_or_power_silence_is_no_error(one: One, timeout) -> N
     assert status(one) == (0 if timeout else 1)
 
 
-def test_a_silent_motor_neither_hears_nor_says_and_times_out(one: One) -> None:
+def test_a_silent_motor_ignores_frames_and_times_out(one: One) -> None:
     one.write(9, 1000)
     one.enable(3)
     one.motor.silent = True
@@ -141,7 +141,7 @@ def test_a_silent_motor_neither_hears_nor_says_and_times_out(one: One) -> None:
     assert status(one) == m.LOST
 
 
-def test_a_reset_is_seen_by_its_status_alone(one: One) -> None:
+def test_a_reset_shows_in_the_status_alone(one: One) -> None:
     one.write(9, 1000)
     one.enable(3)
     one.frames.clear()
@@ -221,7 +221,7 @@ def test_velocity_and_torque_lag_by_a_filter_of_40_Hz(one: One) -> None:
     assert np.mean(seen[-10:]) == pytest.approx(acceleration * lag, rel=0.2)
 
 
-def test_the_torque_is_what_the_motor_believes() -> None:
+def test_the_reported_torque_is_wrong_by_the_torque_constant() -> None:
     """With another torque constant than the maker's it is wrong by as much."""
     wrong = msgspec.structs.replace(NOMINAL, torque_constant=20)
     one = One(DamiaoMake("DM4340", MASTER_ID), mismatch=wrong)
@@ -274,7 +274,7 @@ FRAMES = st.tuples(
 
 @given(st.lists(FRAMES, max_size=30))
 @settings(max_examples=scaled(60))
-def test_whatever_comes_it_lives_and_answers_a_refresh(frames) -> None:
+def test_a_motor_answers_a_refresh_after_any_frames(frames) -> None:
     one = One(DamiaoMake("DM4340", MASTER_ID), replace(JOINT, half_gap=0.005))
     for cob_id, data in frames:
         assert len(one.send(cob_id, data)) <= 1

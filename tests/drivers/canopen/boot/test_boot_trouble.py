@@ -3,24 +3,13 @@
 import errno
 import struct
 import time
-from dataclasses import replace
 
 import can
-import msgspec
 import pytest
 
 from common.errors import BusError, DriveError
 from drivers.can.virtual import QueueWire
-
-
-def with_profile(setup, **changes):
-    profile = msgspec.structs.replace(setup.drive.profile, **changes)
-    return replace(setup, drive=replace(setup.drive, profile=profile))
-
-
-def hasty(setup):
-    """For a drive that is to time out: the others keep the timeout that a busy machine needs."""
-    return with_profile(setup, sdo_timeout_ms=100)
+from tests.drivers.canopen.boot.changed_setups import third, with_profile, with_wiring
 
 
 def intercept(drive, hook):
@@ -35,12 +24,10 @@ def intercept(drive, hook):
     drive.on_sdo = on_sdo
 
 
-def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
+def test_a_lost_answer_repeats_one_step(bench, setups):
     lost = iter([True])
-    intercept(
-        bench.simulated.drives[2], lambda index, _, writes: index == 0x605A and next(lost, False)
-    )
-    lines = []
+    drive, lines = bench.simulated.drives[2], []
+    intercept(drive, lambda index, _, writes: index == 0x605A and next(lost, False))
     bench.boot_up(setups[:3], progress=lines.append)
     assert bench.number(2, 0x605A) == 6
     (again,) = [line for line in lines if "repeated" in line]
@@ -51,13 +38,11 @@ def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
 
 
 def test_a_drive_that_stops_answering_is_named_with_its_step(bench, setups):
-    asked = []
-    intercept(
-        bench.simulated.drives[2], lambda index, sub, _: index == 0x1A01 and not asked.append(sub)
-    )
+    drive, asked = bench.simulated.drives[2], []
+    intercept(drive, lambda index, sub, _: index == 0x1A01 and not asked.append(sub))
     says = r"node 3 \(LElbowRoll\) does not answer .* step `PDO mapping`, tried 3 times"
     with pytest.raises(DriveError, match=says):
-        bench.boot_up([*setups[:2], hasty(setups[2]), *setups[3:]])
+        bench.boot_up(third(setups))
     assert asked == [0] * 3
 
 
@@ -75,10 +60,10 @@ def test_two_drives_that_answer_as_one_node_are_named(bench, setups, slow):
 
     bench.simulated._send = twice
     with pytest.raises(DriveError, match=r"two drives answer as node 3 \(LElbowRoll\)"):
-        bench.boot_up([*setups[:2], hasty(setups[2]), *setups[3:]])
+        bench.boot_up(third(setups))
 
 
-def test_a_tool_that_polls_the_statusword_is_no_second_drive(bench, setups):
+def test_answers_to_a_tool_that_polls_the_statusword_are_no_second_drive(bench, setups):
     send = bench.simulated._send
 
     def polled(message):
@@ -91,12 +76,12 @@ def test_a_tool_that_polls_the_statusword_is_no_second_drive(bench, setups):
     assert len(bench.boot_up(setups)) == len(setups)
 
 
-def test_a_stopped_drive_is_woken(bench, setups):
+def test_a_stopped_drive_is_set_up(bench, setups):
     bench.simulated.drives[2].on_nmt(2)
     assert bench.boot_up(setups)[2].serial == 3
 
 
-def test_an_operational_drive_is_set_up_all_the_same(bench, setups):
+def test_an_operational_drive_is_set_up(bench, setups):
     bench.boot_up(setups)
     for drive in bench.simulated.drives:
         drive.on_nmt(1)
@@ -116,20 +101,20 @@ def test_a_drive_in_fault_gets_its_communication_reset(bench, setups):
     assert commands == [130, 128], "reset communication, then pre-operational"
     assert "node 3 (LElbowRoll): was in fault (0x2310): communication was reset" in lines
     assert bench.number(2, 0x6007) == 3
-    assert drive.state.name == "FAULT", "who resets the fault is a person"
+    assert drive.state.name == "FAULT", "only a person resets the fault"
 
 
-def test_a_drive_in_fault_that_does_not_boot(bench, setups):
+def test_a_drive_in_fault_that_does_not_boot_is_reported(bench, setups):
     drive = bench.simulated.drives[2]
     drive.fault(0x2310, "too much current")
     drive.tick(0.0)
     drive.on_nmt = lambda command: None
     with pytest.raises(DriveError, match=r"no boot-up message after NMT reset communication"):
-        bench.boot_up([*setups[:2], hasty(setups[2]), *setups[3:]])
+        bench.boot_up(third(setups))
 
 
 @pytest.mark.parametrize(("bears_ms", "beats"), [(100, 10), (30, 30)])
-def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_ms, beats):
+def test_the_other_drives_get_heartbeats_while_one_is_set_up_again(bench, setups, bears_ms, beats):
     bench.boot_up(setups)
     drive = bench.simulated.drives[2]
     drive.on_nmt(129)
@@ -140,20 +125,20 @@ def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_
     # The first request is lost: its time-out alone is longer than the others bear.
     lost = iter([True])
     intercept(drive, lambda *_: next(lost, False))
-    patient = with_profile(setups[2], sdo_timeout_ms=500)
+    renewed = with_profile(setups[2], sdo_timeout_ms=500)
     others = [with_profile(setup, master_timeout_ms=bears_ms) for setup in setups]
     begun = time.monotonic()
     with bench.lockstep.serving():
-        bench.boot([*others[:2], patient, *others[3:]]).renew([2], lambda: called.append(None))
+        bench.boot(third(others, renewed)).renew([2], lambda: called.append(None))
     took = time.monotonic() - begun
     assert bench.number(2, 0x6007) == 3
     assert took > 2 * 0.3 * 0.5, "the time-out, and the wait for a late answer"
-    assert len(heard) >= beats, "as often as the least patient of all drives wants it"
+    assert len(heard) >= beats, "as often as the shortest timeout of all drives needs it"
     assert set(heard) == {127}
     assert len(called) == len(heard)
 
 
-def test_a_bus_that_fails_while_a_drive_is_waited_for_is_one(bench, setups, monkeypatch):
+def test_a_bus_that_fails_while_a_drive_is_waited_for_is_reported(bench, setups, monkeypatch):
     bench.boot_up(setups)
     drive = bench.simulated.drives[2]
     intercept(drive, lambda *_: True)  # silent
@@ -169,7 +154,7 @@ def test_a_bus_that_fails_while_a_drive_is_waited_for_is_one(bench, setups, monk
     monkeypatch.setattr(QueueWire, "send", failing)
     silent = with_profile(setups[2], sdo_timeout_ms=500)
     with bench.lockstep.serving(), pytest.raises(BusError, match="heartbeat: Network is down"):
-        bench.boot([*setups[:2], silent, *setups[3:]]).renew([2])
+        bench.boot(third(setups, silent)).renew([2])
 
 
 def test_drives_in_fault_boot_side_by_side(bench, setups):
@@ -193,13 +178,11 @@ def test_drives_in_fault_boot_side_by_side(bench, setups):
     assert commands == [(130, node) for node in nodes] + [(128, node) for node in nodes]
 
 
-def test_letting_go_commands_every_drive_even_if_one_is_gone(bench, setups):
+def test_monitoring_is_disabled_at_every_drive_even_if_one_is_gone(bench, setups):
     bench.boot_up(setups)
-    drive = setups[2].drive
-    elsewhere = replace(drive, wiring=msgspec.structs.replace(drive.wiring, node=99))
-    gone = replace(setups[2], drive=elsewhere)
+    gone = with_profile(with_wiring(setups[2], node=99), sdo_timeout_ms=100)
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).disable_monitoring()
+        bench.boot(third(setups, gone)).disable_monitoring()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
 

@@ -7,7 +7,6 @@ import time
 from dataclasses import replace
 
 import can
-import msgspec
 import pytest
 
 from common.errors import BusError, ConfigurationError, DriveError
@@ -15,24 +14,14 @@ from drivers.can.frame_ring import FrameRing, read_frames
 from drivers.can.virtual import QueueWire
 from drivers.canopen.boot.boot_up import DriveBoot, refuse_other_master
 from simulator.objects import key
-
-
-def with_wiring(setup, **changes):
-    wiring = msgspec.structs.replace(setup.drive.wiring, **changes)
-    return replace(setup, drive=replace(setup.drive, wiring=wiring))
-
-
-def with_profile(setup, **changes):
-    raw = msgspec.to_builtins(setup.drive.profile) | changes
-    profile = msgspec.convert(raw, type(setup.drive.profile))
-    return replace(setup, drive=replace(setup.drive, profile=profile))
+from tests.drivers.canopen.boot.changed_setups import third, with_profile, with_wiring
 
 
 def threads():
     return {thread.name for thread in threading.enumerate()}
 
 
-def test_every_drive_says_who_it_is(bench, setups):
+def test_boot_up_reports_the_identity_of_every_drive(bench, setups):
     lines = []
     before = threads()
     identities = bench.boot_up(setups, progress=lines.append)
@@ -91,49 +80,45 @@ def test_every_drive_holds_what_was_written(bench, setups):
     assert bench.number(2, 0x6085) == round(12 * 100 / 0.010471975511965977)
 
 
-def test_pdos_that_are_left_over_are_off(bench, setups):
+def test_unused_pdos_are_disabled(bench, setups):
     bench.boot_up(setups)
     for drive in range(len(setups)):
         for communication in (0x1401, 0x1402, 0x1403, 0x1802, 0x1803):
             assert bench.number(drive, communication, 1) >> 31 == 1
 
 
-def test_set_up_twice_is_set_up(bench, setups):
+def test_boot_up_may_be_repeated(bench, setups):
     assert bench.boot_up(setups) == bench.boot_up(setups)
 
 
-def test_the_configurations_own_objects_come_last(bench, setups):
+def test_objects_of_the_configuration_are_written_last(bench, setups):
     write = [{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}]
     bench.boot_up([with_profile(setup, write=write) for setup in setups])
     assert bench.number(0, 0x6080) == 3000
     assert bench.number(0, 0x6073) == 1500
 
 
-def test_a_drive_that_is_not_there(bench, setups):
+def test_an_absent_drive_is_named_before_anything_is_written(bench, setups):
     with pytest.raises(DriveError, match=r"node 99 \(LElbowRoll\) does not answer \(SDO timeout"):
-        bench.boot_up([*setups[:2], with_wiring(setups[2], node=99), *setups[3:]])
+        bench.boot_up(third(setups, with_wiring(setups[2], node=99)))
     assert bench.number(0, 0x6007) == 0, "nothing is written before everybody has answered"
 
 
 @pytest.mark.parametrize(
     ("where", "value", "says"),
     [
-        (
-            (0x1000, 0),
-            0x00020191,
-            r"is not a CiA 402 drive: .* device profile 401, expected 402; step `identity`",
-        ),
+        ((0x1000, 0), 0x00020191, "a CiA 402 drive: .* profile 401, expected 402; step `identity`"),
         ((0x6502, 0), 0x80, "no cyclic synchronous velocity"),
         ((0x6075, 0), 1000, r"0x6075:00 reads a rated current of 1 A, configured 1.2 A"),
     ],
 )
-def test_another_drive_than_configured(bench, setups, where, value, says):
+def test_another_drive_than_configured_is_refused(bench, setups, where, value, says):
     bench.simulated.drives[2].objects.values[key(*where)] = value
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\).*" + says):
         bench.boot_up(setups)
 
 
-def test_another_serial_number(bench, setups):
+def test_another_serial_number_is_refused(bench, setups):
     with pytest.raises(DriveError, match="serial number 3, configured 1234"):
         bench.boot_up([*setups[:2], with_wiring(setups[2], serial=1234)])
 
@@ -146,7 +131,7 @@ def test_another_serial_number(bench, setups):
          r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
     ],
 )  # fmt: skip
-def test_another_product_than_that_of_the_eds(bench, setups, subindex, says):
+def test_another_product_than_that_of_the_eds_is_refused(bench, setups, subindex, says):
     bench.simulated.drives[2].objects.values[key(0x1018, subindex)] = 0x999
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\) is another product .*" + says):
         bench.boot_up(setups)
@@ -154,7 +139,7 @@ def test_another_product_than_that_of_the_eds(bench, setups, subindex, says):
 
 
 @pytest.mark.parametrize("number", [None, 0])
-def test_an_eds_that_does_not_say_its_product_is_not_compared(bench, setups, number):
+def test_an_eds_without_a_product_number_is_not_compared(bench, setups, number):
     sheet = copy.deepcopy(setups[2].data_sheet)
     sheet.device_information.product_number = number
     bench.simulated.drives[2].objects.values[key(0x1018, 2)] = 0x999
@@ -164,14 +149,14 @@ def test_an_eds_that_does_not_say_its_product_is_not_compared(bench, setups, num
     assert f"drive profile two_encoder_drive: {said}" in lines
 
 
-def forgetful(drive, where, value):
-    """The drive accepts a write and keeps `value` all the same."""
+def forgetful(drive, where, value, only=True):
+    """The drive accepts a write of this object, or of any, and then has `value` in it."""
     written = drive.objects.written
 
     def hook(key_written):
-        if key_written == key(*where):
-            drive.objects.values[key_written] = value
         written(key_written)
+        if key_written == key(*where) or not only:
+            drive.objects.values[key(*where)] = value
 
     drive.objects.written = hook
 
@@ -187,26 +172,19 @@ def forgetful(drive, where, value):
         ((0x1803, 1), 0x483, "object 0x1803:01 reads 0x00000483: the PDO stays enabled"),
     ],
 )
-def test_a_drive_that_does_not_hold_what_was_written(bench, setups, where, kept, says):
+def test_a_drive_that_does_not_keep_a_value_is_refused(bench, setups, where, kept, says):
     forgetful(bench.simulated.drives[2], where, kept)
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\): " + says):
         bench.boot_up(setups)
 
 
-def test_a_drive_in_another_mode(bench, setups):
-    drive = bench.simulated.drives[2]
-    written = drive.objects.written
-
-    def hook(key_written):
-        written(key_written)
-        drive.objects.values[key(0x6061)] = 8
-
-    drive.objects.written = hook
+def test_a_drive_that_shows_another_mode_is_refused(bench, setups):
+    forgetful(bench.simulated.drives[2], (0x6061, 0), 8, only=False)
     with pytest.raises(DriveError, match="the drive shows mode 8"):
         bench.boot_up(setups)
 
 
-def test_a_drive_that_shows_its_mode_late(bench, setups):
+def test_a_drive_that_shows_its_mode_late_is_accepted(bench, setups):
     drive = bench.simulated.drives[2]
     read, shown = drive.objects.read, iter([8, 8, 8])
 
@@ -220,14 +198,14 @@ def test_a_drive_that_shows_its_mode_late(bench, setups):
     assert next(shown, None) is None, "it was asked until it showed the mode"
 
 
-def test_a_refusal_in_words(bench, setups):
+def test_a_refused_write_is_reported_with_its_reason(bench, setups):
     with pytest.raises(
         DriveError, match=r"0x605E:00: writing 1 was refused: Value range .* \(0x06090030\)"
     ):
         bench.boot_up([*setups[:2], with_profile(setups[2], fault_reaction=1)])
 
 
-def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
+def test_a_value_outside_the_eds_is_refused_before_it_is_sent(bench, setups):
     with pytest.raises(ConfigurationError, match=r"object 0x605E:00 .*: -5 is outside 0 \.\.\. 2"):
         bench.boot([with_profile(setups[2], fault_reaction=-5)]).boot_up()
     assert bench.other_end.recv(0) is None
@@ -237,7 +215,7 @@ def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
     ("cob_id", "says"),
     [(0x77F, r"another master \(node 127\) is on this bus"), (0x080, "SYNC is being sent")],
 )
-def test_another_master(bench, setups, cob_id, says):
+def test_another_master_is_refused(bench, setups, cob_id, says):
     bench.other_end.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=b""))
     with pytest.raises(BusError, match=says):
         bench.boot(setups).boot_up()
@@ -253,7 +231,7 @@ def test_a_drives_heartbeat_is_no_other_master(wire):
 # -- what the sequence meets on its way ------------------------------------------------------------
 
 
-def test_what_cannot_be_written_must_be_so(bench, setups):
+def test_a_constant_object_must_have_the_wanted_value(bench, setups):
     setup = setups[2]
     sheet = copy.deepcopy(setup.data_sheet)
     sheet[0x6007].access_type = "const"
@@ -272,7 +250,7 @@ def fixed_pdos(setup):
     return replace(setup, data_sheet=sheet)
 
 
-def test_a_drive_whose_pdos_are_fixed_comes_up_if_they_are_ours(bench, setups):
+def test_fixed_pdos_are_accepted_if_they_are_as_configured(bench, setups):
     bench.boot_up(setups)
     drive = bench.simulated.drives[2]
     written = []
@@ -295,7 +273,7 @@ def test_a_drive_whose_pdos_are_fixed_comes_up_if_they_are_ours(bench, setups):
         drive.objects.values[key(*where)] = kept
 
 
-def test_a_left_over_pdo_that_no_one_can_disable_is_refused_unless_it_is_off(bench, setups):
+def test_an_unused_constant_pdo_is_refused_unless_it_is_disabled(bench, setups):
     bench.boot_up(setups)
     setup = fixed_pdos(setups[2])
     setup.data_sheet[0x1803][1].access_type = "ro"
@@ -305,7 +283,7 @@ def test_a_left_over_pdo_that_no_one_can_disable_is_refused_unless_it_is_off(ben
         bench.boot_up([setup])
 
 
-def test_the_black_box_has_what_was_said(bench, setups, tmp_path):
+def test_the_frame_ring_holds_requests_and_answers(bench, setups, tmp_path):
     ring = FrameRing(tmp_path / "frames", 10_000, time.monotonic)
     heard = []
     send = bench.simulated._send
@@ -325,7 +303,7 @@ def said(kept, sent):
     return [(frame.can_id, frame.data) for frame in kept if frame.sent is sent]
 
 
-def test_a_closed_bus(wire, setups):
+def test_boot_up_on_a_closed_bus_is_a_bus_error(wire, setups):
     wire[0].shutdown()
     with pytest.raises(BusError, match="closed bus"):
         DriveBoot(QueueWire(wire[0]), setups, 10, listen_s=0.005).boot_up()

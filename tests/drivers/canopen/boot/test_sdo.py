@@ -1,17 +1,16 @@
-"""Objects by SDO: expedited, in segments, refused, garbled. Whatever a drive answers, what is
-raised is a DriveError."""
+"""Objects by SDO: expedited, in segments, refused, garbled. Any answer raises a DriveError at
+most."""
 
 import struct
 from collections.abc import Callable
-from dataclasses import replace
 
-import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.errors import DriveError, SilentDriveError
 from drivers.canopen.boot.sdo import LONGEST_ANSWER, ObjectAccess
+from tests.drivers.canopen.boot.changed_setups import with_profile
 from tests.examples import scaled
 
 NODE = 3
@@ -59,22 +58,22 @@ def segments(index: int, text: bytes) -> Callable[[bytes], list[bytes]]:
     return answer
 
 
-def test_expedited(access):
+def test_an_expedited_answer_is_read(access):
     assert access(lambda _: [upload(0x6041, 0, b"\x37\x02")]).read(0x6041) == 0x0237
     filled = access(lambda _: [upload(0x6041, 0, b"\x37\x02\xff\xff")])
     assert filled.read(0x6041) == 0x0237, "some drives fill an answer up"
 
 
 @pytest.mark.parametrize("text", ["a", "exactly", "a longer name than one segment holds\0"])
-def test_in_segments(access, text):
+def test_a_text_in_segments_is_read(access, text):
     assert access(segments(0x1008, text.encode())).read_text(0x1008) == text.strip("\0")
 
 
-def test_a_number_in_segments(access):
+def test_a_number_in_segments_is_read(access):
     assert access(segments(0x6075, b"\xb0\x04\0\0")).read(0x6075) == 1200
 
 
-def test_an_answer_without_end(access):
+def test_an_answer_without_end_is_refused(access):
     toggled = segments(0x1008, b"x" * 10_000)
     with pytest.raises(SilentDriveError, match="the answer does not end"):
         access(toggled).read_text(0x1008)
@@ -95,12 +94,12 @@ def test_an_answer_without_end(access):
         (b"", "malformed"),
     ],
 )  # fmt: skip
-def test_refused_or_garbled(access, answer, says):
+def test_a_refused_or_garbled_answer_is_reported(access, answer, says):
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\).*" + says):
         access(lambda _: [answer]).read(0x6041)
 
 
-def test_silence(access):
+def test_a_missing_answer_is_reported(access):
     with pytest.raises(
         SilentDriveError, match=r"does not answer \(SDO timeout 1 ms; object 0x6041"
     ):
@@ -144,7 +143,7 @@ def refusal(work: Callable[[], object]) -> str:
 
 @settings(max_examples=scaled(100))
 @given(answers=st.lists(st.lists(ANSWER, max_size=2), max_size=12))
-def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
+def test_any_answer_raises_a_drive_error_at_most(setups, answers):
     left = list(answers)
     access = ObjectAccess(Network(lambda _: left.pop(0) if left else []), setups[2], 0.0005)
     for work in (
@@ -160,11 +159,10 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
 @given(
     harm=st.dictionaries(st.integers(0, 150), st.one_of(st.none(), ANSWER), min_size=1, max_size=4)
 )
-def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm):
+def test_a_garbled_boot_up_succeeds_or_names_the_drive(make_bench, setups, harm):
     bench = make_bench()
     drive = bench.simulated.drives[2]
-    profile = msgspec.structs.replace(setups[2].drive.profile, sdo_timeout_ms=30)
-    hasty = replace(setups[2], drive=replace(setups[2].drive, profile=profile))
+    hasty = with_profile(setups[2], sdo_timeout_ms=30)
     send, count = drive._sdo.network._send, iter(range(1_000_000))
 
     def garbled(cob_id, data):
