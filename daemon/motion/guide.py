@@ -10,7 +10,7 @@ Jacobian allow,
 as if each held direction pushed back through the same admittance as the hand. The projection is
 orthogonal in the metric K^-1, v'^T K^-1 v >= v'^T K^-1 v' >= 0: nothing is headed for against the
 residual r, wherever on the arm the hand is. All of v is made as slow as the fastest joint may be:
-speed_share joint by joint it would be another direction. So the arm is led no more easily than without
+bounded joint by joint it would be another direction. So the arm is led no more easily than without
 a guide. Only then comes the virtual mass; what it leaves is projected, too.
 
 C is a damper's compliance: almost none where a direction is held, _DAMPING times its mobility where
@@ -173,8 +173,8 @@ class Guide:
         return 1.0 if along >= square else max(along / square, 0.0)
 
     def _spring_share(self) -> float:
-        """Share of the spring's velocity that keeps the bounds of joints and tool, and is less where
-        a hand pushes a drive back."""
+        """Share of the spring's velocity that keeps the bounds of joints and tool, and is less
+        where a hand pushes a drive back."""
         square, most, share = 0.0, _SPRING_RAD_S, 1.0
         for i in range(self._n):
             most = max(most, abs(self._spring[i]))

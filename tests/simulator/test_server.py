@@ -95,19 +95,25 @@ def test_frames_do_not_follow_the_handshake_at_once(server: Server) -> None:
         data = struct.pack("<BHBI", 0x2B, 0x1017, 0, 1)
         bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
         wait_for(bus, 0x701)  # node 1 now says something every millisecond
-        with socket.create_connection(("127.0.0.1", server.port)) as newcomer:
-            newcomer.settimeout(5.0)
-            for command in (b"", b"< open can0 >", b"< rawmode >"):
-                newcomer.sendall(command)
-                answer = newcomer.recv(64, socket.MSG_PEEK)
-                while not answer.endswith(b">"):
-                    answer = newcomer.recv(64, socket.MSG_PEEK)
-                if b"raw" in command:
-                    time.sleep(0.02)
-                    assert newcomer.recv(4096) == b"< ok >"
-                else:
-                    newcomer.recv(64)
-            assert newcomer.recv(64).startswith(b"< frame ")
+        for _ in range(50):  # on a busy machine this process may wake after the pause
+            with socket.create_connection(("127.0.0.1", server.port)) as newcomer:
+                newcomer.settimeout(5.0)
+                for command in (b"", b"< open can0 >", b"< rawmode >"):
+                    sent_s = time.monotonic()
+                    newcomer.sendall(command)
+                    answer = b""
+                    while not answer.endswith(b">"):
+                        answer = newcomer.recv(64, socket.MSG_PEEK)
+                    if b"raw" in command:
+                        time.sleep(0.02)
+                        answer = newcomer.recv(4096, socket.MSG_PEEK)
+                        in_time = time.monotonic() < sent_s + 0.045
+                    newcomer.recv(len(b"< ok >") if b"raw" in command else 64)
+                if in_time:
+                    assert answer == b"< ok >"
+                    assert newcomer.recv(64).startswith(b"< frame ")
+                    return
+    pytest.skip("NOT TRIED: the machine never woke this process in time")
 
 
 def test_client_that_leaves_does_not_hurt(server: Server) -> None:
