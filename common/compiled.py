@@ -87,7 +87,7 @@ def refuse_stale(root: Path = ROOT) -> None:
         raise ProgramError(
             f"{wrong[0]}{others}: not compiled from the present source, or the build was "
             "interrupted; run `make compiled` (a service: `make install`), or run uncompiled after "
-            "`hatch_build.py --clean`"
+            "`python hatch_build.py --clean`"
         )
 
 

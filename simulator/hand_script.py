@@ -152,12 +152,13 @@ def described(act: AnyAct) -> str:
         case Push():
             words = f"push {act.joint} {act.torque:g} Nm"
         case Lean():
-            words = f"lean on {act.joint} with {act.torque:g} Nm"
+            words = f"lean on {act.joint} with {act.torque:g} Nm, until `release`"
         case Gap():
             most = "softly" if act.torque is None else f"with {act.torque:g} Nm"
             words = f"move {act.joint} in its gap {most}, {act.times} times"
         case Press():
             words = f"press the tool with {' '.join(f'{part + 0.0:g}' for part in act.force)} N"
+            words += ", until `release`" if act.duration_s is None else f" for {act.duration_s:g} s"
         case Clamp():
             words = "clamp " + ", ".join(act.joints)
         case Hold():

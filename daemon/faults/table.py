@@ -56,7 +56,7 @@ TABLE: Final[dict[Condition, Row]] = DRIVES_AND_BUS | {
     ),
     _C.TORQUE_SATURATED: Row(
         _R.HOLD, "faults",
-        "the current stays at its limit (95 %) for `saturated_ticks` ticks, unless guided",
+        "the current stays at its limit (95 %) for `saturated_ticks` ticks, unless led",
         "the joint pushes as hard as it can, perhaps against a person; the arm still senses, and "
         "can be armed and led away",
         "free the person or object that it presses against: `contactctl arm`, and lead it away; "

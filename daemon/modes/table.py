@@ -201,7 +201,7 @@ REFUSALS: dict[Mode, str] = {
     _M.ENABLING: "the drives are still being enabled",
     _M.HOLDING: "the arm is holding",
     _M.TRACKING: "the trajectory is running",
-    _M.ADMITTANCE: "the arm is being guided",
+    _M.ADMITTANCE: "the arm is being led",
     _M.RETRACTING: "the arm is backing away from a contact",
     _M.RETURNING: "the arm is going back to its trajectory",
     _M.RELEASING: "the arm is letting go after a collision",

@@ -154,9 +154,10 @@ class Allowance:
         bounds = self._bounds
         # Half a millisecond is for the rounding of sums of periods.
         if self._spent_s > bounds.max_duration_s + 5e-4:
-            return f"guided for more than {bounds.max_duration_s:g} s"
+            return f"led for more than {bounds.max_duration_s:g} s (admittance.max_duration_s)"
         if self.home is None:
             return ""
-        if float(np.abs(self._moved + q - self.home).max()) > bounds.max_excursion:
-            return f"guided further than {bounds.max_excursion:g} rad since it was armed"
+        most = bounds.max_excursion
+        if float(np.abs(self._moved + q - self.home).max()) > most:
+            return f"led further than {most:g} rad since `arm` (admittance.max_excursion)"
         return ""

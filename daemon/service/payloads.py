@@ -57,8 +57,8 @@ class Payloads:
             if request.name not in self.named:
                 known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
                 raise ModelError(
-                    f"no payload {request.name!r} under `payloads` in the configuration; {known}; "
-                    "a mass is a plain number, in kg"
+                    f"no payload {request.name!r} under `payloads` in config.yaml as last read; "
+                    f"{known}; a mass is a plain number, in kg"
                 )
             robot, payload = self.robot, self.named[request.name]
             if request.name in void_payloads(robot.identified, robot.configuration, robot.urdf):

@@ -98,7 +98,7 @@ class Poses:
         if request.pose not in self.named:
             known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
             raise TrajectoryError(
-                f"no pose {request.pose!r} under `poses` in the configuration; {known}"
+                f"no pose {request.pose!r} under `poses` in config.yaml as last read; {known}"
             )
         return request.pose, self.named[request.pose]
 

@@ -120,7 +120,7 @@ class Controller:
         return []
 
     def disarm(self, cause: str, time_s: float) -> None:
-        """Take the permission back: an arm that is being guided stops and holds."""
+        """Take the permission back: an arm that is being led stops and holds."""
         self._apply(Event.DISARM, cause, time_s)
 
     def apply_event(self, event: Event, cause: str, time_s: float) -> None:

@@ -88,7 +88,7 @@ def arm(options: Options, lease_s: float) -> None:
     Shows each check as passed or failed, then the smallest contact that is detected: the torque of
     each joint and, in this pose, the force at the tool, in motion and at rest. Arming again renews
     the lease; it is refused while another client holds the lease. When the lease expires the arm is
-    disarmed, and holds if it is being guided.
+    disarmed, and holds if it is being led.
     """
     with options.connect() as client:
         reply = client.arm(lease_s, detached=True)
@@ -152,7 +152,7 @@ def pause(options: Options, no_wait: bool) -> None:
 def disarm(options: Options, no_wait: bool) -> None:
     """Stop yielding to contact. Contacts are still reported, and collisions still reacted to.
 
-    An arm that is being guided stops. Exit status 1 if it is not confirmed at standstill.
+    An arm that is being led stops. Exit status 1 if it is not confirmed at standstill.
     """
     carry_out(options, "disarm", wait=not no_wait)
 

@@ -33,7 +33,7 @@ def gain(
 ) -> None:
     """Show or change how softly joints yield: K_a [rad/s per Nm].
 
-    The gain changes over half a second, also while the joint is guided. The configuration is not
+    The gain changes over half a second, also while the joint is led. The configuration is not
     changed: it applies again after a restart of the daemon or a `reload`.
 
     With --balance: gains with which each joint requires the same force at the hand, from levers,

@@ -177,4 +177,4 @@ def _list_poses(options: Options) -> None:
         places = " ".join(f"{joint}={value:g}" for joint, value in values.items())
         say(f"{name:16} {places}")
     if not poses:
-        say("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")
+        say("no `poses` in config.yaml as last read; `contactctl go JOINT=VALUE ...` needs none")

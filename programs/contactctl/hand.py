@@ -102,7 +102,8 @@ def hand(context: click.Context) -> None:
 
 _SIGNED = {"ignore_unknown_options": True}  # so that -3Nm is a torque
 _JOINT = click.argument("joint")
-_TORQUE = click.argument("torque", type=Measure("Nm"))
+_TORQUE = click.argument("torque", type=Measure("Nm", -500.0, 500.0))
+_LARGEST = Measure("Nm", 0.001, 500.0)
 
 
 def _do(path: Path, **act: Any) -> None:
@@ -140,12 +141,12 @@ def press(path: Path, axis: str, force: float, seconds: float | None) -> None:
 
 @hand.command(context_settings=_SIGNED)
 @_JOINT
-@click.argument("position", type=Measure("rad"))
+@click.argument("position", type=Measure("rad", -100.0, 100.0))
 @click.option("--speed", type=Range(min=0.01, max=5), default=0.3, show_default=True,
               help="rad/s.")  # fmt: skip
 @click.option(
     "--torque",
-    type=Measure("Nm"),
+    type=_LARGEST,
     help="Largest torque; by default a fifth of the motor's, and no more than 4 Nm.",
 )
 @click.pass_obj
@@ -157,7 +158,7 @@ def lead(path: Path, joint: str, position: float, speed: float, torque: float | 
 @hand.command()
 @_JOINT
 @click.option(
-    "--torque", type=Measure("Nm"), help="Largest torque; by default a hundredth of the motor's."
+    "--torque", type=_LARGEST, help="Largest torque; by default a hundredth of the motor's."
 )
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj

@@ -39,7 +39,7 @@ def payload(
 
     From the next tick on the model includes it as a point mass, so that contacts are detected as
     without it. Without an argument: shows the announced payload and the known names. Refused while
-    the arm is guided, and if the motors could not hold it. Forgotten when the daemon ends.
+    the arm is led, and if the motors could not hold it. Forgotten when the daemon ends.
     """
     from daemon.protocol.requests import SetPayload
 

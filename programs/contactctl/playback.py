@@ -90,6 +90,9 @@ def _fastest(
         try:
             _load(client, recorded, times, positions, speed)
         except TrajectoryError as error:
+            if "outside its limits" in str(error):
+                hint = f"delete {recorded.path} and lead the arm less far"
+                raise TrajectoryError(f"{error}; {hint}") from error
             if speed * SLOWER < SLOWEST or "limit" not in str(error):
                 raise
             speed *= SLOWER

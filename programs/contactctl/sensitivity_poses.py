@@ -41,7 +41,7 @@ def _in_words(name: str, senses: list[ToolSense]) -> str:
     # Along a line there is no worse direction.
     if worst := [sense.most for sense in senses if len(sense.undetected) < 2]:
         usual, rare = np.percentile(worst, (50, 95))
-        parts.append(f"{usual:.0f} N at worst, {rare:.0f} N in one pose of 20")
+        parts.append(f"at worst {usual:.0f} N in half the poses, over {rare:.0f} N in one of 20")
     if deaf := sum(1 for sense in senses if len(sense.undetected)):
         parts.append(f"not detected in some direction in {deaf / len(senses):.0%} of the poses")
     return f"  {name:9}  {'; '.join(parts)}"

@@ -134,7 +134,7 @@ def listen(bind: str, port: int) -> socket.socket:
         path.chmod(0o660)
         listener.listen(64)
     except OSError as error:
-        where = bind if bind.startswith(UNIX) else f"{bind} port {port}"
+        where = bind if bind.startswith(UNIX) else f"{bind} port {port} (--bind, --port)"
         number = error.errno or 0  # negative for errors of name resolution
         why = os.strerror(number) if number > 0 else "no such address" if number else str(error)
         raise UnreachableError(f"cannot listen on {where}: {why}") from error

@@ -126,7 +126,7 @@ def supervising(
         session = zenoh.open(config)
     except zenoh.ZError as error:
         where = file or ", ".join(connect)
-        raise UnreachableError(f"no router at {where}: {reason(error)}") from error
+        raise UnreachableError(f"no router at {where}: {reason(error)} (docs/ros.md)") from error
     with contextlib.closing(session), Supervisor(session, domain, distro) as supervisor:
         yield supervisor
 

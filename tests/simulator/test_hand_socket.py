@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from common.errors import BusError, ConfigurationError
 from programs.contactctl.contactctl import main
 from programs.simulate.simulate import _live_hand
 from simulator.hand import TAKING_S, VISIT_S, Hand
-from simulator.hand_script import Clamp, Gap, Give, Guide, Lean, Push, Release
+from simulator.hand_script import Clamp, Gap, Give, Guide, Lean, Press, Push, Release, described
 from simulator.hand_socket import HandSocket
 
 NAMES = ("shoulder", "elbow")
@@ -55,7 +56,8 @@ def test_a_position_beyond_the_end_stops_is_refused():
 
 def test_leaning_rises_and_stays_until_release():
     hand = a_hand()
-    hand.take(Lean(at_s=0.0, joint="shoulder", torque=-3.0, rise_s=1.0))
+    leaning = Lean(at_s=0.0, joint="shoulder", torque=-3.0, rise_s=1.0)
+    assert hand.take(leaning) == "lean on shoulder with -3 Nm, until `release`"
     hand.update(1.0, Q)
     hand.update(1.5, Q)
     assert torque(hand) == [-1.5, 0.0]
@@ -65,6 +67,12 @@ def test_leaning_rises_and_stays_until_release():
     hand.update(100.1, Q)
     assert torque(hand) == [0.0, 0.0]
     assert not hand.busy
+
+
+def test_a_press_states_when_it_ends():
+    press = Press(at_s=0.0, force=(0.0, -8.0, 0.0))
+    assert described(press) == "press the tool with 0 -8 0 N, until `release`"
+    assert described(replace(press, duration_s=2.0)) == "press the tool with 0 -8 0 N for 2 s"
 
 
 def test_a_clamp_is_hard_where_the_joint_was():

@@ -187,7 +187,7 @@ def test_a_biased_residual_moves_the_arm_to_its_bound_and_no_further(after: Afte
         if not arm.armed:
             break
         assert arm.controller.arm("a program that renews") == []  # which renews no bound
-    assert arm.cause == "guided further than 0.4 rad since it was armed"
+    assert arm.cause == "led further than 0.4 rad since `arm` (admittance.max_excursion)"
     assert abs(arm.q[0] - start[0]) < 0.41
     arm.run(2.0, **arm.push(0.1))
     assert arm.mode is M.HOLDING  # unarmed it is only reported
@@ -200,7 +200,7 @@ def test_quiet_ticks_do_not_renew_the_duration(tracking: Make) -> None:
     while arm.armed and arm.time_s - begun < 10.0:
         arm.run(0.05, **arm.push(0.001))
         arm.run(0.01)
-    assert "guided for more than 5 s" in arm.cause
+    assert "led for more than 5 s (admittance.max_duration_s)" in arm.cause
     assert arm.time_s - begun == pytest.approx(5.0, abs=0.1)
 
 

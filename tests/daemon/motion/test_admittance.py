@@ -125,7 +125,7 @@ def test_small_steps_add_up_until_it_is_armed_anew() -> None:
         allowance.recover(3.0)
         if reached:
             break
-    assert reached == "guided further than 0.5 rad since it was armed"
+    assert reached == "led further than 0.5 rad since `arm` (admittance.max_excursion)"
     assert steps == 17
     allowance.renew()
     allowance.take(q)

@@ -85,6 +85,10 @@ def test_a_lead_is_repeated_by_one_command(
     still = served.contactctl("playback", str(path), "--yes")
     assert still.exit_code == 65
     assert "delete the file to record a lead" in still.stderr
+    path.write_text("time_s,joint\n0,0.1\n1,1.45\n2,0.1\n")
+    beyond = served.contactctl("playback", str(path), "--yes")
+    assert beyond.exit_code == 65
+    assert f"limits [-1.4, 1.4]; delete {path} and lead the arm less far\n" in beyond.stderr
     path.write_text("time_s,joint\n0,0.1\n1,0.2\n2,0.1\n")
     assert served.contactctl("disable").exit_code == 0
     off = served.contactctl("playback", str(path), "--yes")

@@ -41,7 +41,7 @@ def test_a_payload_is_set_shown_and_removed(served: ServedDaemon) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["cup"], 1, "no payload 'cup' under `payloads` in the configuration; there is none"),
+        (["cup"], 1, "no payload 'cup' under `payloads` in config.yaml as last read; there"),
         (["-1"], 1, "-1 kg is not allowed: 0.001 to 100 kg; 0 for nothing"),
         (["nan"], 2, "nan is not a mass"),
         (["101"], 1, "0.001 to 100 kg"),
@@ -110,7 +110,7 @@ def test_a_payload_is_refused_while_a_person_guides_the_arm(on: ServedDaemon) ->
     assert rig.mode is Mode.ADMITTANCE
     result = on.contactctl("payload", "0.1")
     assert result.exit_code == 1
-    assert "the arm is being guided: let go of it first" in result.stderr
+    assert "the arm is being led: let go of it first" in result.stderr
     rig.arm.external_torque[0] = 0.0
     on.run(3.0)
     assert on.contactctl("payload", "0.1").exit_code == 0

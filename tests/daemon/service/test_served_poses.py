@@ -103,7 +103,7 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (["go", "nowhere", "--yes"], 1, "no pose 'nowhere' under `poses` in the configuration; th"),
+        (["go", "nowhere", "--yes"], 1, "no pose 'nowhere' under `poses` in config.yaml as last r"),
         (["go", "joint", "--yes"], 1, "JOINT=VALUE is expected, with its position in rad, such as"),
         (["go", "elbow=1", "--yes"], 1, "no joint 'elbow'; there are: joint"),
         (["go", "joint=1.5", "--yes"], 1, "joint=1.5 is outside its limits [-1.4, 1.4] rad"),

@@ -59,6 +59,10 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
     [
         (("carry", "-1kg"), "'-1kg' is out of range: 0 to 100 kg."),
         (("carry", "101"), "'101' is out of range: 0 to 100 kg."),
+        (("push", "elbow", "501Nm"), "'501Nm' is out of range: -500 to 500 Nm."),
+        (("lead", "elbow", "101rad"), "'101rad' is out of range: -100 to 100 rad."),
+        (("lead", "elbow", "1rad", "--torque", "-1Nm"), "'-1Nm' is out of range: 0.001 to 500 Nm."),
+        (("gap", "elbow", "--torque", "0"), "'0' is out of range: 0.001 to 500 Nm."),
         (
             ("poke",),
             "no command 'poke'; there are: push, lean, press, lead, gap, clamp, carry, release",

@@ -201,5 +201,9 @@ async def test_summaries_are_sent_while_there_is_no_daemon(tmp_path: Path) -> No
 
 
 def test_an_unknown_host_name_is_reported() -> None:
-    with pytest.raises(UnreachableError, match=r"on no address port 0: no such address"):
+    with pytest.raises(UnreachableError, match=r" port 0 \(--bind, --port\): no such address"):
         listen("no address", 0)
+    with listen("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(UnreachableError, match=rf"{port} \(--bind, --port\): Address"):
+            listen("127.0.0.1", port)

@@ -262,6 +262,7 @@ def test_no_arm_and_no_router_are_reported(fleet: Callable[..., Result], port: i
     unreachable = CliRunner().invoke(contactd.main, command)
     assert unreachable.exit_code == 69
     assert "contactd: no router at tcp/127.0.0.1:1: " in unreachable.output
+    assert unreachable.output.endswith(" (docs/ros.md)\n")
     unread = CliRunner().invoke(contactd.main, ["fleet", "--config", "/nowhere"])
     assert unread.exit_code == 78
     assert "contactd: /nowhere: refused by Zenoh: " in unread.output
