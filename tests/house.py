@@ -144,7 +144,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("lines of the product", lines(PRODUCT, root), 69_640, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 15_120, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_610, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 68_650, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 68_660, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 50_000, 50_000),
         Measure("decision records", decisions, 28, 28),
