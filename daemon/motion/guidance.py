@@ -44,8 +44,8 @@ class Guidance:
         if axes.guides:
             if self._model is None:
                 raise ModelError("no guide while the signs of the links are not checked")
-            place, kinds = guide_place(self._model, axes), np.array(axes.kinds())
             self._kinds = axes.kinds()
+            place, kinds = guide_place(self._model, axes), np.array(self._kinds)
             how = {"turned": axes.frame != BASE, "redundant": axes.redundant == "free"}
             guide = Guide(self._model, place, self._velocity, self._rate, kinds, **how)
         self.axes, self._guide = axes, guide

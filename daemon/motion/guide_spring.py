@@ -3,7 +3,7 @@
 """Spring of a guide: where the guide began, the tool's distance from it, and the velocity back.
 
 It acts only while a hand pushes, and not from further than _SLIP_M: what is further, or held by no
-spring, moves the place where the guide began. An obstacle on the way back is felt as a hand. So the
+spring, moves the place where the guide began. An obstacle on the way back seems a hand. So the
 spring fades as the force against it grows, from _WHOLE_N to _NONE_N: further force is not built up.
 Where a force withstands it for _BLOCKED_S, its axis is damped instead of stiff until nothing pushes
 the arm, and then begins anew where the tool is: an obstacle, or a clamped hand, is released. If
@@ -79,6 +79,7 @@ class GuideSpring:
                 N[a, k] *= one
 
     def _stiffen(self) -> None:
+        """Every axis is of its own kind again."""
         for a in range(6):
             self.kind[a], self._blocked_s[a] = self._set[a], 0.0
 

@@ -183,7 +183,7 @@ class Controller:
             self.machine.changes.append(Change(f"stream {phase}", CAUSES[phase]))
         damped = self.motion.guidance.damped if self.machine.mode is Mode.ADMITTANCE else ""
         if damped and damped != self._damped:
-            cause = "a force withstood their spring, and may be that of an obstacle"
+            cause = "a force withstood its spring for 1 s, as an obstacle would"
             self.machine.changes.append(Change(f"guide yields along {damped}", cause))
         self._phase, self._damped = phase, damped
 
